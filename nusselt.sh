@@ -1,0 +1,113 @@
+#!/usr/bin/env bash
+# The one script of nusselt. Usage: ./nusselt.sh COMMAND [ARGUMENTS]
+#
+#   demo [ARGS]      install what is missing, build, render the built-in scenes into out/demo; ARGS go to `nusselt demo`
+#   test [ARGS]      install what is missing, build, run all tests; ARGS go to ctest (-R NAME, -L LABEL, -LE slow, ...)
+#   build [TARGETS]  build the preset; the program lies in build/release/bin
+#   bench [ARGS]     build and run the benchmarks; ARGS go to Google Benchmark (--benchmark_filter=..., ...)
+#   install          install the packages that the build needs (third_party/install.sh)
+#   format           format all C++ files with clang-format 14
+#   check            fail where clang-format 14 would change a file or an include points the wrong way
+#   lint             check, then clang-tidy where it is installed
+#   clean            remove build/ and out/
+#   help             this text
+#
+# Environment:
+#   PRESET=NAME      the CMake preset (default release): dev, release, ci, asan-ubsan, tsan, coverage, fuzz
+#   JOBS=N           parallel jobs (default: the number of processors)
+#
+# `demo` and `test` work on a fresh Debian 12, as root or as a user with sudo. On another system they say which
+# packages to get, and go on with what is there.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")"
+
+preset=${PRESET:-release}
+jobs=${JOBS:-$(nproc 2>/dev/null || echo 2)}
+
+# The header comment above is the manual.
+usage() { sed -n '2,/^set /{/^set /d;s/^# \{0,1\}//;p}' nusselt.sh; }
+
+cxx_files() { git ls-files '*.h' '*.hpp' '*.cpp' '*.cc'; }
+
+clang_format() {
+    local tool
+    for tool in clang-format-14 clang-format; do
+        if command -v "$tool" >/dev/null && "$tool" --version | grep -q 'version 14\.'; then
+            echo "$tool"
+            return
+        fi
+    done
+    echo "nusselt.sh: clang-format 14 is not here; run ./nusselt.sh install, or get that version" >&2
+    return 1
+}
+
+install() { third_party/install.sh; }
+
+build() {
+    local launcher=()
+    if command -v ccache >/dev/null; then
+        launcher=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
+    fi
+    cmake --preset "$preset" ${launcher[@]+"${launcher[@]}"}
+    cmake --build "build/$preset" --parallel "$jobs" ${1:+--target "$@"}
+}
+
+check_format() {
+    local tool
+    tool=$(clang_format)
+    cxx_files | xargs -r "$tool" --dry-run -Werror
+}
+
+check_includes() { cmake -DROOT="$PWD" -P tests/structure/includes.cmake; }
+
+check() {
+    check_format
+    check_includes
+}
+
+lint() {
+    check
+    if ! command -v clang-tidy >/dev/null; then
+        echo "clang-tidy is not here: left out" >&2
+        return
+    fi
+    [[ -f build/$preset/compile_commands.json ]] || build
+    git ls-files 'kernels/*.cpp' 'jobs/*.cpp' 'runtime/*.cpp' 'tools/*.cpp' 'bench/*.cpp' 'examples/*.cpp' |
+        xargs -r -P "$jobs" -n 1 clang-tidy --quiet -p "build/$preset"
+}
+
+command=${1:-}
+shift || true
+case $command in
+    demo)
+        install
+        build nusselt_program
+        "build/$preset/bin/nusselt" demo --out out/demo "$@"
+        ;;
+    test)
+        install
+        build
+        ctest --test-dir "build/$preset" --output-on-failure --no-tests=error --parallel "${JOBS:-2}" "$@"
+        ;;
+    build) build "$@" ;;
+    bench)
+        install
+        build
+        for program in "build/$preset"/bin/bench_*; do
+            "$program" "$@"
+        done
+        ;;
+    install) install ;;
+    format) cxx_files | xargs -r "$(clang_format)" -i ;;
+    lint) lint ;;
+    check) check ;;
+    clean) rm -rf build out ;;
+    help | -h | --help) usage ;;
+    *)
+        if [[ -n $command ]]; then
+            echo "nusselt.sh: no command '$command'" >&2
+        fi
+        usage >&2
+        exit 2
+        ;;
+esac

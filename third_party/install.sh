@@ -1,0 +1,50 @@
+#!/usr/bin/env bash
+# Installs what the build needs and this machine lacks. Usage: third_party/install.sh
+#
+# On Debian and its kin: only the missing packages, by apt-get, as root or through sudo, without questions of its own.
+# Elsewhere, or without sudo: prints the packages to get and returns 0, so that a build can go on with what is there.
+set -euo pipefail
+
+packages=(
+    git g++ cmake ninja-build clang-format
+    libtbb-dev libhwy-dev libglm-dev libmeshoptimizer-dev
+    libtinygltf-dev libstb-dev libcli11-dev nlohmann-json3-dev libembree-dev libopenexr-dev
+    libgtest-dev libbenchmark-dev
+)
+
+if ! command -v apt-get >/dev/null || ! command -v dpkg-query >/dev/null; then
+    cat >&2 <<'TEXT'
+This system has no apt-get. nusselt needs a C++20 compiler, git, CMake 3.24, Ninja, and these packages; going on with
+what is there.
+  Fedora:   gcc-c++ cmake ninja-build git clang-tools-extra tbb-devel highway-devel glm-devel meshoptimizer-devel
+            tinygltf-devel stb_image-devel cli11-devel json-devel embree3-devel openexr-devel gtest-devel
+            google-benchmark-devel
+  Arch:     base-devel cmake ninja git clang onetbb highway glm meshoptimizer tinygltf stb cli11 nlohmann-json embree3
+            openexr gtest benchmark
+  Homebrew: cmake ninja git clang-format tbb highway glm meshoptimizer tinygltf cli11 nlohmann-json embree@3 openexr
+            googletest google-benchmark, and stb from its repository
+The names are those of Debian's libraries as other systems call them; a few may differ.
+TEXT
+    exit 0
+fi
+
+missing=()
+for package in "${packages[@]}"; do
+    status=$(dpkg-query --show --showformat='${db:Status-Status}' "$package" 2>/dev/null || true)
+    [[ $status == installed ]] || missing+=("$package")
+done
+(( ${#missing[@]} )) || exit 0
+
+as_root=()
+if (( EUID != 0 )); then
+    if ! command -v sudo >/dev/null; then
+        echo "Not root and no sudo. Missing, and to be installed by who can: ${missing[*]}; going on without." >&2
+        exit 0
+    fi
+    as_root=(sudo)
+fi
+
+echo "Installing: ${missing[*]}"
+apt() { "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -q -y "$@" </dev/null; }
+apt update
+apt install --no-install-recommends "${missing[@]}"
