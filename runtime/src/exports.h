@@ -1,5 +1,5 @@
-// Included ahead of every source of the runtime by its CMakeLists.txt: gives the public functions default visibility
-// and leaves all else hidden, so that the public headers need no export macro.
+// Included ahead of every source of the runtime by its CMakeLists.txt: gives the public functions default
+// visibility and leaves all else hidden, so that the public headers need no export macro.
 #pragma once
 
 #pragma GCC visibility push(default)
