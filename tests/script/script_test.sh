@@ -1,0 +1,57 @@
+#!/usr/bin/env bash
+# Tries nusselt.sh and third_party/install.sh with stand-ins for apt-get, dpkg-query and sudo.
+# Usage: script_test.sh REPOSITORY WORK
+set -euo pipefail
+root=$1 work=$2
+
+fail() {
+    echo "FAILED: $*" >&2
+    exit 1
+}
+
+stand_in() { # stand_in NAME: the body comes on stdin
+    printf '#!/bin/bash\n' >"$work/bin/$1"
+    cat >>"$work/bin/$1"
+    chmod +x "$work/bin/$1"
+}
+
+rm -rf "$work"
+mkdir -p "$work/bin" "$work/empty"
+for tool in bash env cat; do
+    ln -s "$(command -v "$tool")" "$work/bin/$tool"
+    ln -s "$(command -v "$tool")" "$work/empty/$tool"
+done
+
+# help lists every command of the script; what is no command goes to stderr with 2.
+"$root/nusselt.sh" help >"$work/help"
+while read -r name; do
+    grep -q "^  $name " "$work/help" || fail "help does not list '$name'"
+done < <(sed -n '/^case \$command/,/^esac/s/^    \([a-z]*\)[ )|].*/\1/p' "$root/nusselt.sh" | grep .)
+code=0
+"$root/nusselt.sh" nonsense >"$work/out" 2>"$work/err" || code=$?
+[[ $code == 2 && ! -s $work/out ]] || fail "unknown command: exit $code"
+grep -q nonsense "$work/err" || fail "unknown command is not named"
+
+# Two packages are missing: one update, one install of these two alone.
+export LOG=$work/log
+stand_in apt-get <<<'echo "apt-get $*" >>"$LOG"'
+stand_in sudo <<<'"$@"'
+stand_in dpkg-query <<'TEXT'
+[[ ${!#} == libtbb-dev || ${!#} == libhwy-dev ]] || printf installed
+TEXT
+PATH=$work/bin "$root/third_party/install.sh" </dev/null >"$work/out"
+expected='apt-get -q -y update
+apt-get -q -y install --no-install-recommends libtbb-dev libhwy-dev'
+[[ $(<"$LOG") == "$expected" ]] || fail "installing two packages ran: $(<"$LOG")"
+
+# None is missing: nothing runs, nothing is said.
+rm "$LOG"
+stand_in dpkg-query <<<'printf installed'
+PATH=$work/bin "$root/third_party/install.sh" </dev/null >"$work/out" 2>&1
+[[ ! -e $LOG && ! -s $work/out ]] || fail "apt-get ran with nothing to do"
+
+# No apt-get: names the packages and goes on.
+PATH=$work/empty "$root/third_party/install.sh" </dev/null >"$work/out" 2>&1 || fail "no apt-get: install.sh failed"
+grep -q Fedora "$work/out" || fail "no apt-get: no packages named"
+
+rm -rf "$work"
