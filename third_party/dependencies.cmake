@@ -72,6 +72,7 @@ endfunction()
 
 # The library. Global: a host that adds this folder links these targets through nusselt, from its own folder.
 set(CMAKE_FIND_PACKAGE_TARGETS_GLOBAL TRUE)
+find_package(Threads REQUIRED)
 nusselt_headers(highway hwy/highway.h)
 nusselt_need(highway_found "Highway" libhwy-dev "SIMD kernels")
 nusselt_package(meshoptimizer meshoptimizer meshoptimizer::meshoptimizer)
