@@ -1,0 +1,380 @@
+// The scalar reference of every kernel: the oracle of the tests and the fallback where there is no SIMD. Obvious, and
+// never improved.
+#include "kernels/reference.h"
+
+#include "kernels/prepare.h"
+
+#include <cstring>
+
+namespace nusselt::kernels {
+
+namespace {
+
+#include "kernels/sh_formulas.inl"
+
+struct Constant {
+    float operator()(double value) const { return float(value); }
+};
+
+struct Vec {
+    float x, y, z;
+};
+
+Vec cross(const Vec& a, const Vec& b) {
+    return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+
+uint32_t clamp_cell(float value, uint32_t cells) {
+    const float top = float(cells - 1);
+    return uint32_t(value < 0 ? 0 : value > top ? top : value);
+}
+
+// The table's entry for the half-space n.d <= 0, n the plane's normal: inside, for a front-facing triangle's edges.
+uint32_t plane_entry(const MaskLayout& layout, const Vec& n) {
+    const uint32_t cells = layout.plane_cells;
+    const float half = float(cells / 2);
+    const float ax = std::fabs(n.x), ay = std::fabs(n.y), az = std::fabs(n.z);
+    if (layout.planes == PlaneMap::octahedral) {
+        const float sum = ax + ay + az;
+        if (!(sum > 0 && sum <= FLT_MAX)) return entry_invalid;
+        const bool below = std::signbit(n.z);
+        const float x = below ? -n.x : n.x, y = below ? -n.y : n.y;
+        const float scale = half / sum;
+        const uint32_t u = clamp_cell((x + y) * scale + half, cells), v = clamp_cell((x - y) * scale + half, cells);
+        return ((v * cells + u) << cell_shift(layout)) | (below ? 0u : 1u);
+    }
+    // The paper's cube map. The half-space n.d <= 0 is that of -n, the opposite cell of the opposite face.
+    const uint32_t axis = ax >= ay && ax >= az ? 0 : ay >= az ? 1 : 2;
+    const float major = axis == 0 ? n.x : axis == 1 ? n.y : n.z, size = std::fabs(major);
+    if (!(size > 0 && size <= FLT_MAX)) return entry_invalid;
+    const float scale = half / size;
+    const uint32_t u = clamp_cell((axis == 0 ? n.y : n.x) * scale + half, cells);
+    const uint32_t v = clamp_cell((axis == 2 ? n.y : n.z) * scale + half, cells);
+    const uint32_t face = axis * 2 + (std::signbit(major) ? 1u : 0u);
+    return (((face * cells + v) * cells + u) << cell_shift(layout)) ^ entry_complement(layout);
+}
+
+Vec to_local(const Batch& batch, uint32_t lane, const Vec& point) {
+    const float x = point.x - batch.position[0][lane], y = point.y - batch.position[1][lane],
+                z = point.z - batch.position[2][lane];
+    float r[3];
+    for (uint32_t row = 0; row < 3; ++row)
+        r[row] = batch.axis[row][0][lane] * x + batch.axis[row][1][lane] * y + batch.axis[row][2][lane] * z;
+    return {r[0], r[1], r[2]};
+}
+
+// Per lane: what the horizon test measures heights against.
+struct Horizon {
+    float x, y; // tangent of the elevation times the horizontal direction to the blockers
+};
+
+Horizon horizon_towards(float tangent, const Vec& local) {
+    const float across = std::sqrt(local.x * local.x + local.y * local.y);
+    if (!(across > 0)) return {0, 0};
+    return {tangent * (local.x / across), tangent * (local.y / across)};
+}
+
+float larger(float a, float b) { return a > b ? a : b; }
+
+// Below the tangent plane, or below a plane through the receiver that rises to the horizon's elevation: either way no
+// sample point is covered.
+bool above_horizon(const Horizon& h, const Vec& a, const Vec& b, const Vec& c) {
+    const float height = larger(larger(a.z, b.z), c.z);
+    const float over = larger(larger(a.z - (h.x * a.x + h.y * a.y), b.z - (h.x * b.x + h.y * b.y)),
+                              c.z - (h.x * c.x + h.y * c.y));
+    return height > 0 && over > 0;
+}
+
+void add_jobs(const MaskLayout& layout, const uint32_t entry[3][lanes], const Vec corner[3][lanes], uint32_t active,
+              JobList& jobs) {
+    const uint32_t bytes = mask_bytes(layout);
+    for (uint32_t half = 0; half < 2; ++half) {
+        for (uint32_t lane = 0; lane < lanes; ++lane) {
+            if (!(active >> lane & 1)) continue;
+            bool reaches = false;
+            for (uint32_t k = 0; k < 3; ++k)
+                reaches = reaches || (half ? corner[k][lane].y > 0 : corner[k][lane].y < 0);
+            if (!reaches) continue;
+            for (uint32_t k = 0; k < 3; ++k)
+                jobs.plane[k][jobs.count] = entry[k][lane] + half * (bytes / 2);
+            jobs.destination[jobs.count] = lane * bytes + half * (bytes / 2);
+            ++jobs.count;
+        }
+    }
+}
+
+uint32_t bit_count(uint32_t value) {
+    uint32_t count = 0;
+    for (; value; value &= value - 1)
+        ++count;
+    return count;
+}
+
+void accept_groups(const ReceiverBounds& receivers, float radius, const GroupBounds& groups, float angle,
+                   uint8_t* accepted) {
+    for (uint32_t g = 0; g < groups.count; ++g) {
+        const float x = groups.centre[0][g] - receivers.centre[0], y = groups.centre[1][g] - receivers.centre[1],
+                    z = groups.centre[2][g] - receivers.centre[2];
+        const float distance = std::sqrt(x * x + y * y + z * z) - (groups.radius[g] + radius);
+        accepted[g] = groups.error[g] <= angle * larger(distance, 0);
+    }
+    accepted[groups.count] = 1;
+    accepted[groups.count + 1] = 0;
+}
+
+bool cluster_reaches(const ReceiverBounds& receivers, const ClusterBounds& clusters, uint32_t c, float horizon) {
+    const float x = clusters.centre[0][c] - receivers.centre[0], y = clusters.centre[1][c] - receivers.centre[1],
+                z = clusters.centre[2][c] - receivers.centre[2];
+    const float square = x * x + y * y + z * z;
+    // A little more than the spheres: the tests' own rounding must not cull.
+    const float reach = (clusters.radius[c] + receivers.radius) * 1.00001f + std::sqrt(square) * 1e-6f;
+    const float along = x * receivers.cone[0] + y * receivers.cone[1] + z * receivers.cone[2];
+    const float across = std::sqrt(larger(square - along * along, 0));
+    const float height = along * receivers.cone_cos + across * receivers.cone_sin;
+    const float side = across * receivers.cone_cos - along * receivers.cone_sin;
+    const float steep = reach * std::sqrt(1 + horizon * horizon);
+    const bool low = height + reach < 0 || (height - horizon * side + steep < 0 && square > steep * steep);
+    const float facing = 0.0f - (x * clusters.cone[0][c] + y * clusters.cone[1][c] + z * clusters.cone[2][c]);
+    const float beside = std::sqrt(larger(square - facing * facing, 0));
+    const bool back = facing * clusters.cone_cos[c] + beside * clusters.cone_sin[c] + reach < 0;
+    return !(low && receivers.cone_cos > 0) && !(back && clusters.cone_cos[c] > 0);
+}
+
+uint32_t select_clusters(const ReceiverBounds& receivers, const ClusterBounds& clusters, const uint8_t* own_accepted,
+                         const uint8_t* parent_accepted, const uint32_t* candidates, uint32_t candidate_count,
+                         float horizon, uint32_t* selected, uint64_t* tested) {
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < candidate_count; ++i) {
+        const uint32_t c = candidates ? candidates[i] : i;
+        if (!own_accepted[clusters.own_group[c]] || parent_accepted[clusters.parent_group[c]]) continue;
+        ++*tested;
+        if (cluster_reaches(receivers, clusters, c, horizon)) selected[count++] = c;
+    }
+    return count;
+}
+
+void cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* points, const MaskLayout& layout,
+                  float horizon, ClusterScratch&, JobList& jobs, Counters& counters) {
+    float margin[lanes];
+    Horizon towards[lanes];
+    for (uint32_t lane = 0; lane < lanes; ++lane) {
+        const Vec local = to_local(batch, lane, {cluster.centre[0], cluster.centre[1], cluster.centre[2]});
+        const float distance = std::sqrt(local.x * local.x + local.y * local.y + local.z * local.z);
+        margin[lane] = 1e-6f * (distance + cluster.radius);
+        towards[lane] = horizon_towards(horizon, local);
+    }
+    for (uint32_t t = 0; t < cluster.triangle_count; ++t) {
+        const uint8_t* triangle = cluster.triangles + 8 * t;
+        const float* plane = cluster.planes + 4 * t;
+        uint32_t entry[3][lanes];
+        Vec corner[3][lanes];
+        uint32_t active = 0;
+        for (uint32_t lane = 0; lane < lanes; ++lane) {
+            if (!(batch.valid >> lane & 1)) continue;
+            const float height = plane[0] * batch.position[0][lane] + plane[1] * batch.position[1][lane] +
+                                 plane[2] * batch.position[2][lane] - plane[3];
+            const bool front = height > margin[lane], back = cluster.two_sided && height < -margin[lane];
+            if (!front && !back) continue;
+            for (uint32_t k = 0; k < 3; ++k) {
+                const float* p = points + 4 * cluster.vertices[triangle[k]];
+                corner[k][lane] = to_local(batch, lane, {p[0], p[1], p[2]});
+            }
+            if (!above_horizon(towards[lane], corner[0][lane], corner[1][lane], corner[2][lane])) continue;
+            bool valid = true;
+            for (uint32_t k = 0; k < 3; ++k) {
+                const uint8_t* edge = cluster.edges + 2 * triangle[3 + k];
+                const float* from = points + 4 * cluster.vertices[edge[0]];
+                const float* to = points + 4 * cluster.vertices[edge[1]];
+                const Vec a = to_local(batch, lane, {from[0], from[1], from[2]});
+                const Vec b = to_local(batch, lane, {to[0], to[1], to[2]});
+                uint32_t e = plane_entry(layout, cross(a, b));
+                valid = valid && !(e & entry_invalid);
+                if (triangle[6] >> k & 1) e ^= entry_complement(layout);
+                if (back) e ^= entry_complement(layout);
+                entry[k][lane] = e;
+            }
+            if (valid) active |= 1u << lane;
+        }
+        counters.triangles_considered += bit_count(batch.valid);
+        counters.triangles_rasterized += bit_count(active);
+        add_jobs(layout, entry, corner, active, jobs);
+    }
+}
+
+// The three planes of a free triangle; `inner` tells the lanes in which it is seen from behind.
+uint32_t free_entries(const MaskLayout& layout, const Vec& a, const Vec& b, const Vec& c, bool behind, uint32_t lane,
+                      uint32_t entry[3][lanes]) {
+    const Vec normals[3] = {cross(a, b), cross(b, c), cross(c, a)};
+    for (uint32_t k = 0; k < 3; ++k) {
+        const uint32_t e = plane_entry(layout, normals[k]);
+        if (e & entry_invalid) return 0;
+        entry[k][lane] = behind ? e ^ entry_complement(layout) : e;
+    }
+    return 1u << lane;
+}
+
+void triangle_jobs(const Batch& batch, const float corners[3][3][lanes], uint32_t active, uint32_t two_sided,
+                   const MaskLayout& layout, float horizon, JobList& jobs, Counters& counters) {
+    uint32_t entry[3][lanes], left = 0;
+    Vec corner[3][lanes];
+    active &= batch.valid;
+    for (uint32_t lane = 0; lane < lanes; ++lane) {
+        if (!(active >> lane & 1)) continue;
+        for (uint32_t k = 0; k < 3; ++k)
+            corner[k][lane] = to_local(batch, lane, {corners[k][0][lane], corners[k][1][lane], corners[k][2][lane]});
+        const Vec a = corner[0][lane], b = corner[1][lane], c = corner[2][lane];
+        const Vec ab = cross(a, b);
+        const float volume = ab.x * c.x + ab.y * c.y + ab.z * c.z;
+        const float edge = std::fabs(ab.x) + std::fabs(ab.y) + std::fabs(ab.z);
+        const float reach = std::fabs(c.x) + std::fabs(c.y) + std::fabs(c.z);
+        const float margin = 1e-6f * (edge * reach);
+        const bool front = volume < -margin, back = (two_sided >> lane & 1) && volume > margin;
+        if (!front && !back) continue;
+        const Vec sum{a.x + b.x + c.x, a.y + b.y + c.y, a.z + b.z + c.z};
+        if (!above_horizon(horizon_towards(horizon, sum), a, b, c)) continue;
+        left |= free_entries(layout, a, b, c, back, lane, entry);
+    }
+    counters.triangles_considered += bit_count(active);
+    counters.triangles_rasterized += bit_count(left);
+    add_jobs(layout, entry, corner, left, jobs);
+}
+
+void fan_jobs(const Batch& batch, const float corners[2][3][lanes], uint32_t active, const MaskLayout& layout,
+              JobList& jobs, Counters& counters) {
+    uint32_t entry[3][lanes], left = 0;
+    Vec corner[3][lanes];
+    active &= batch.valid;
+    for (uint32_t lane = 0; lane < lanes; ++lane) {
+        if (!(active >> lane & 1)) continue;
+        const Vec a = to_local(batch, lane, {corners[0][0][lane], corners[0][1][lane], corners[0][2][lane]});
+        const Vec b = to_local(batch, lane, {corners[1][0][lane], corners[1][1][lane], corners[1][2][lane]});
+        corner[0][lane] = a;
+        corner[1][lane] = b;
+        corner[2][lane] = {0, 0, -1};
+        if (!(a.z > 0 || b.z > 0)) continue;
+        const bool behind = a.x * b.y - a.y * b.x < 0; // the arc runs clockwise
+        const Vec normals[3] = {cross(a, b), {-b.y, b.x, 0}, {a.y, -a.x, 0}};
+        bool valid = true;
+        for (uint32_t k = 0; k < 3; ++k) {
+            const uint32_t e = plane_entry(layout, normals[k]);
+            valid = valid && !(e & entry_invalid);
+            entry[k][lane] = behind ? e ^ entry_complement(layout) : e;
+        }
+        if (valid) left |= 1u << lane;
+    }
+    counters.fan_triangles += bit_count(left);
+    add_jobs(layout, entry, corner, left, jobs);
+}
+
+void run_jobs(const Tables& tables, JobList& jobs, uint8_t* masks) {
+    const uint32_t bytes = mask_bytes(tables.layout) / 2;
+    for (uint32_t j = 0; j < jobs.count; ++j) {
+        for (uint32_t i = 0; i < bytes; ++i) {
+            uint32_t inside = 0xFF;
+            for (uint32_t k = 0; k < 3; ++k) {
+                const uint32_t entry = jobs.plane[k][j];
+                const uint32_t plane = tables.planes[(entry & ~63u) + i];
+                inside &= entry & 1 ? ~plane : plane;
+            }
+            masks[jobs.destination[j] + i] = uint8_t(masks[jobs.destination[j] + i] | inside);
+        }
+    }
+    jobs.count = 0;
+}
+
+void downsample(const uint8_t* mask, uint32_t blocks, uint8_t* counts) {
+    for (uint32_t block = 0; block < blocks; ++block)
+        counts[block] = uint8_t(bit_count(mask[2 * block]) + bit_count(mask[2 * block + 1]));
+}
+
+void integrate_blocks(const Tables& tables, const uint8_t* mask, float sum[sh_columns]) {
+    const uint32_t blocks = mask_blocks(tables.layout);
+    uint8_t counts[256];
+    downsample(mask, blocks, counts);
+    const float* all = tables.block_weights + size_t(blocks) * sh_columns;
+    std::memcpy(sum, all, sh_columns * sizeof(float));
+    for (uint32_t block = 0; block < blocks; ++block) {
+        for (uint32_t i = 0; i < sh_columns; ++i)
+            sum[i] = sum[i] - float(counts[block]) * tables.block_weights[size_t(block) * sh_columns + i];
+    }
+}
+
+void integrate_bits(const Tables& tables, const uint8_t* mask, float sum[sh_columns]) {
+    uint16_t integer[sh_columns]; // modulo 2^16: intermediate sums may wrap, the result does not
+    for (uint32_t i = 0; i < sh_columns; ++i)
+        integer[i] = uint16_t(tables.total[i]);
+    for (uint32_t block = 0; block < mask_blocks(tables.layout); ++block) {
+        const uint32_t bits = uint32_t(mask[2 * block]) | uint32_t(mask[2 * block + 1]) << 8;
+        for (uint32_t row = 0; row < 4; ++row) {
+            const int16_t* weights =
+                tables.nibbles + ((size_t(block) * 4 + row) * 16 + (bits >> (4 * row) & 15)) * sh_columns;
+            for (uint32_t i = 0; i < sh_columns; ++i)
+                integer[i] = uint16_t(integer[i] - uint16_t(weights[i]));
+        }
+    }
+    for (uint32_t i = 0; i < sh_columns; ++i)
+        sum[i] = float(int16_t(integer[i])) * tables.scale[i];
+}
+
+void integrate(const Tables& tables, const uint8_t* masks, uint32_t valid, bool per_block, float local[25][lanes],
+               Counters& counters) {
+    const uint32_t bytes = mask_bytes(tables.layout);
+    for (uint32_t lane = 0; lane < lanes; ++lane) {
+        float sum[sh_columns] = {};
+        if (valid >> lane & 1) {
+            const uint8_t* mask = masks + size_t(lane) * bytes;
+            if (per_block) {
+                integrate_blocks(tables, mask, sum);
+            } else {
+                integrate_bits(tables, mask, sum);
+            }
+            for (uint32_t block = 0; block < mask_blocks(tables.layout); ++block) {
+                const uint32_t bits = uint32_t(mask[2 * block]) | uint32_t(mask[2 * block + 1]) << 8;
+                ++(bits == 0 || bits == 0xFFFF ? counters.blocks_uniform : counters.blocks_partial);
+            }
+        }
+        for (uint32_t i = 0; i < 25; ++i)
+            local[i][lane] = sum[i];
+    }
+}
+
+void rotate(const Batch& batch, const float local[25][lanes], float out[25][lanes]) {
+    for (uint32_t lane = 0; lane < lanes; ++lane) {
+        float in[25], turned[25];
+        for (uint32_t i = 0; i < 25; ++i)
+            in[i] = local[i][lane];
+        sh_rotate_zy(Constant(), batch.axis[2][2][lane], 0.0f - batch.axis[0][2][lane], batch.axis[1][1][lane],
+                     0.0f - batch.axis[1][0][lane], in, turned);
+        for (uint32_t i = 0; i < 25; ++i)
+            out[i][lane] = batch.valid >> lane & 1 ? turned[i] : 0.0f;
+    }
+}
+
+void shade(const float light[75], const float* transfer, size_t stride, size_t count, float* rgb) {
+    for (size_t i = 0; i < count; ++i) {
+        const float* t = reinterpret_cast<const float*>(reinterpret_cast<const char*>(transfer) + i * stride);
+        float sum[3] = {};
+        for (uint32_t term = 0; term < 25; ++term) {
+            for (uint32_t c = 0; c < 3; ++c)
+                sum[c] = sum[c] + light[term * 3 + c] * t[term];
+        }
+        std::memcpy(rgb + 3 * i, sum, sizeof(sum));
+    }
+}
+
+void evaluate_sh(const float* x, const float* y, const float* z, size_t count, float* out) {
+    for (size_t i = 0; i < count; ++i) {
+        float basis[25];
+        sh_basis(Constant(), x[i], y[i], z[i], basis);
+        for (uint32_t term = 0; term < 25; ++term)
+            out[term * count + i] = basis[term];
+    }
+}
+
+} // namespace
+
+const Kernels reference_kernels = {"scalar",  prepare_batch, accept_groups, select_clusters, cluster_jobs,
+                                   triangle_jobs, fan_jobs,  run_jobs,      integrate,       rotate,
+                                   downsample, shade,       evaluate_sh};
+
+} // namespace nusselt::kernels

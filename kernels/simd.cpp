@@ -1,0 +1,627 @@
+// The SIMD kernels: one source, compiled for SSE4, AVX2 and AVX-512, each bit for bit equal to reference.cpp.
+// Products and sums are never fused and divisions are exact; only then do all widths agree.
+// A batch's 16 lanes are worked on in chunks of the register's width.
+#include "kernels/prepare.h"
+#include "kernels/simd.h"
+
+#include <cstring>
+
+#define HWY_WANT_SSE4 1
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "kernels/simd.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace nusselt::kernels {
+namespace HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+#include "kernels/sh_formulas.inl"
+
+using Float = hn::CappedTag<float, lanes>;
+using Word = hn::RebindToUnsigned<Float>;
+using Int = hn::RebindToSigned<Float>;
+using V = hn::Vec<Float>;
+using U = hn::Vec<Word>;
+using M = hn::Mask<Float>;
+
+constexpr Float df;
+constexpr Word du;
+constexpr Int di;
+constexpr uint32_t width = hn::MaxLanes(Float()); // lanes of a chunk
+constexpr uint32_t chunk_bits = (1u << width) - 1;
+
+struct Constant {
+    V operator()(double value) const { return hn::Set(df, static_cast<float>(value)); }
+};
+
+HWY_INLINE V constant(float value) { return hn::Set(df, value); }
+
+HWY_INLINE uint32_t bits_of(M mask) {
+    uint8_t bytes[8] = {};
+    hn::StoreMaskBits(df, mask, bytes);
+    uint32_t bits;
+    std::memcpy(&bits, bytes, sizeof(bits));
+    return bits & chunk_bits;
+}
+
+HWY_INLINE M mask_of(uint32_t bits) {
+    const uint8_t bytes[8] = {uint8_t(bits), uint8_t(bits >> 8)};
+    return hn::LoadMaskBits(df, bytes);
+}
+
+struct Vec3 {
+    V x, y, z;
+};
+
+HWY_INLINE Vec3 cross(const Vec3& a, const Vec3& b) {
+    return {hn::Sub(hn::Mul(a.y, b.z), hn::Mul(a.z, b.y)), hn::Sub(hn::Mul(a.z, b.x), hn::Mul(a.x, b.z)),
+            hn::Sub(hn::Mul(a.x, b.y), hn::Mul(a.y, b.x))};
+}
+
+HWY_INLINE V dot(V ax, V ay, V az, V bx, V by, V bz) {
+    return hn::Add(hn::Add(hn::Mul(ax, bx), hn::Mul(ay, by)), hn::Mul(az, bz));
+}
+
+// As a > b ? a : b; the instruction also answers b where either is not a number.
+HWY_INLINE V larger(V a, V b) { return hn::Max(a, b); }
+
+struct Chunk {
+    V position[3];
+    V axis[3][3];
+};
+
+HWY_INLINE Chunk load_chunk(const Batch& batch, uint32_t lane) {
+    Chunk c;
+    for (uint32_t i = 0; i < 3; ++i) {
+        c.position[i] = hn::Load(df, batch.position[i] + lane);
+        for (uint32_t row = 0; row < 3; ++row)
+            c.axis[row][i] = hn::Load(df, batch.axis[row][i] + lane);
+    }
+    return c;
+}
+
+HWY_INLINE Vec3 to_local(const Chunk& c, V px, V py, V pz) {
+    const V x = hn::Sub(px, c.position[0]), y = hn::Sub(py, c.position[1]), z = hn::Sub(pz, c.position[2]);
+    return {dot(c.axis[0][0], c.axis[0][1], c.axis[0][2], x, y, z),
+            dot(c.axis[1][0], c.axis[1][1], c.axis[1][2], x, y, z),
+            dot(c.axis[2][0], c.axis[2][1], c.axis[2][2], x, y, z)};
+}
+
+HWY_INLINE U cell_index(V value, float top) {
+    const V clamped = hn::Min(hn::Max(value, hn::Zero(df)), constant(top));
+    return hn::BitCast(du, hn::ConvertTo(di, clamped));
+}
+
+// reference.cpp's plane_entry.
+template<PlaneMap map>
+HWY_INLINE U plane_entry(const MaskLayout& layout, const Vec3& n) {
+    const float top = static_cast<float>(layout.plane_cells - 1);
+    const V half = constant(static_cast<float>(layout.plane_cells / 2));
+    const U cells = hn::Set(du, layout.plane_cells);
+    const V ax = hn::Abs(n.x), ay = hn::Abs(n.y), az = hn::Abs(n.z);
+    const int shift = static_cast<int>(cell_shift(layout));
+    if constexpr (map == PlaneMap::octahedral) {
+        const V sum = hn::Add(hn::Add(ax, ay), az);
+        const M valid = hn::And(hn::Gt(sum, hn::Zero(df)), hn::Le(sum, constant(FLT_MAX)));
+        const V sign = hn::And(n.z, hn::SignBit(df));
+        const V x = hn::Xor(n.x, sign), y = hn::Xor(n.y, sign);
+        const V scale = hn::Div(half, sum);
+        const U u = cell_index(hn::Add(hn::Mul(hn::Add(x, y), scale), half), top);
+        const U v = cell_index(hn::Add(hn::Mul(hn::Sub(x, y), scale), half), top);
+        const U cell = hn::Add(hn::Mul(v, cells), u);
+        const U above = hn::Xor(hn::ShiftRight<31>(hn::BitCast(du, n.z)), hn::Set(du, 1));
+        const U entry = hn::Or(hn::ShiftLeftSame(cell, shift), above);
+        return hn::IfThenElse(hn::RebindMask(du, valid), entry, hn::Set(du, entry_invalid));
+    } else {
+        const M on_x = hn::And(hn::Ge(ax, ay), hn::Ge(ax, az)), y_over_z = hn::Ge(ay, az);
+        const V major = hn::IfThenElse(on_x, n.x, hn::IfThenElse(y_over_z, n.y, n.z));
+        const V size = hn::Abs(major);
+        const M valid = hn::And(hn::Gt(size, hn::Zero(df)), hn::Le(size, constant(FLT_MAX)));
+        const M on_z = hn::AndNot(on_x, hn::Not(y_over_z));
+        const V first = hn::IfThenElse(on_x, n.y, n.x), second = hn::IfThenElse(on_z, n.y, n.z);
+        const V scale = hn::Div(half, size);
+        const U u = cell_index(hn::Add(hn::Mul(first, scale), half), top);
+        const U v = cell_index(hn::Add(hn::Mul(second, scale), half), top);
+        const U axis = hn::IfThenElse(hn::RebindMask(du, on_x), hn::Zero(du),
+                                      hn::IfThenElse(hn::RebindMask(du, y_over_z), hn::Set(du, 1), hn::Set(du, 2)));
+        const U face = hn::Add(hn::Add(axis, axis), hn::ShiftRight<31>(hn::BitCast(du, major)));
+        const U cell = hn::Add(hn::Mul(hn::Add(hn::Mul(face, cells), v), cells), u);
+        const U entry = hn::Xor(hn::ShiftLeftSame(cell, shift), hn::Set(du, entry_complement(layout)));
+        return hn::IfThenElse(hn::RebindMask(du, valid), entry, hn::Set(du, entry_invalid));
+    }
+}
+
+// Tangent of the horizon's elevation times the horizontal direction to (x, y); zero where there is none.
+struct Horizon {
+    V x, y;
+};
+
+HWY_INLINE Horizon horizon_towards(float tangent, V x, V y) {
+    const V across = hn::Sqrt(hn::Add(hn::Mul(x, x), hn::Mul(y, y)));
+    const M some = hn::Gt(across, hn::Zero(df));
+    const V t = constant(tangent);
+    return {hn::IfThenElseZero(some, hn::Mul(t, hn::Div(x, across))),
+            hn::IfThenElseZero(some, hn::Mul(t, hn::Div(y, across)))};
+}
+
+HWY_INLINE V over_horizon(const Horizon& h, const Vec3& p) {
+    return hn::Sub(p.z, hn::Add(hn::Mul(h.x, p.x), hn::Mul(h.y, p.y)));
+}
+
+HWY_INLINE void append(const U entry[3], U destination, uint32_t offset, M mask, JobList& jobs) {
+    const hn::Mask<Word> m = hn::RebindMask(du, mask);
+    const U add = hn::Set(du, offset);
+    for (uint32_t k = 0; k < 3; ++k)
+        hn::StoreU(hn::Compress(hn::Add(entry[k], add), m), du, jobs.plane[k] + jobs.count);
+    hn::StoreU(hn::Compress(hn::Add(destination, add), m), du, jobs.destination + jobs.count);
+    jobs.count += static_cast<uint32_t>(hn::CountTrue(df, mask));
+}
+
+// One job for each half of the mask that the triangle reaches, in the lanes of `active`.
+HWY_INLINE void add_jobs(const MaskLayout& layout, const U entry[3], V low, V high, uint32_t lane, M active,
+                         JobList& jobs) {
+    const uint32_t bytes = mask_bytes(layout);
+    const U destination = hn::Mul(hn::Add(hn::Iota(du, lane), hn::Zero(du)), hn::Set(du, bytes));
+    const M below = hn::And(active, hn::Lt(low, hn::Zero(df))), above = hn::And(active, hn::Gt(high, hn::Zero(df)));
+    append(entry, destination, 0, below, jobs);
+    append(entry, destination, bytes / 2, above, jobs);
+}
+
+HWY_INLINE M valid_entries(const U entry[3]) {
+    const U any = hn::And(hn::Or(hn::Or(entry[0], entry[1]), entry[2]), hn::Set(du, entry_invalid));
+    return hn::RebindMask(df, hn::Eq(any, hn::Zero(du)));
+}
+
+void prepare_batch(Batch& batch, const float normal[3][lanes]) { kernels::prepare_batch(batch, normal); }
+
+void accept_groups(const ReceiverBounds& receivers, float radius, const GroupBounds& groups, float angle,
+                   uint8_t* accepted) {
+    const hn::Rebind<uint8_t, Int> bytes;
+    const V cx = constant(receivers.centre[0]), cy = constant(receivers.centre[1]), cz = constant(receivers.centre[2]);
+    const V r = constant(radius), slope = constant(angle);
+    for (uint32_t g = 0; g < groups.count; g += width) {
+        const V x = hn::Sub(hn::LoadU(df, groups.centre[0] + g), cx), y = hn::Sub(hn::LoadU(df, groups.centre[1] + g), cy),
+                z = hn::Sub(hn::LoadU(df, groups.centre[2] + g), cz);
+        const V distance = hn::Sub(hn::Sqrt(dot(x, y, z, x, y, z)), hn::Add(hn::LoadU(df, groups.radius + g), r));
+        const M fine = hn::Le(hn::LoadU(df, groups.error + g), hn::Mul(slope, larger(distance, hn::Zero(df))));
+        const auto one = hn::IfThenElseZero(hn::RebindMask(di, fine), hn::Set(di, 1));
+        hn::StoreU(hn::DemoteTo(bytes, one), bytes, accepted + g);
+    }
+    accepted[groups.count] = 1;
+    accepted[groups.count + 1] = 0;
+}
+
+uint32_t select_clusters(const ReceiverBounds& receivers, const ClusterBounds& clusters, const uint8_t* own_accepted,
+                         const uint8_t* parent_accepted, const uint32_t* candidates, uint32_t candidate_count,
+                         float horizon, uint32_t* selected, uint64_t* tested) {
+    uint32_t cut = 0;
+    for (uint32_t i = 0; i < candidate_count; ++i) {
+        const uint32_t c = candidates ? candidates[i] : i;
+        selected[cut] = c;
+        cut += own_accepted[clusters.own_group[c]] & ~parent_accepted[clusters.parent_group[c]] & 1u;
+    }
+    *tested += cut;
+    const V rx = constant(receivers.centre[0]), ry = constant(receivers.centre[1]), rz = constant(receivers.centre[2]);
+    const V cone_cos = constant(receivers.cone_cos), cone_sin = constant(receivers.cone_sin);
+    const V slope = constant(std::sqrt(1 + horizon * horizon)), tangent = constant(horizon);
+    const M narrow = hn::Gt(cone_cos, hn::Zero(df));
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < cut; i += width) {
+        const uint32_t rest = cut - i < width ? cut - i : width;
+        const auto in_range = hn::FirstN(di, rest);
+        const auto index = hn::IfThenElseZero(in_range, hn::BitCast(di, hn::LoadU(du, selected + i)));
+        const auto gather = [&](const float* array) HWY_ATTR { return hn::GatherIndex(df, array, index); };
+        const V x = hn::Sub(gather(clusters.centre[0]), rx), y = hn::Sub(gather(clusters.centre[1]), ry),
+                z = hn::Sub(gather(clusters.centre[2]), rz);
+        const V square = dot(x, y, z, x, y, z);
+        const V reach = hn::Add(hn::Mul(hn::Add(gather(clusters.radius), constant(receivers.radius)), constant(1.00001f)),
+                                hn::Mul(hn::Sqrt(square), constant(1e-6f)));
+        const V along = dot(x, y, z, constant(receivers.cone[0]), constant(receivers.cone[1]), constant(receivers.cone[2]));
+        const V across = hn::Sqrt(larger(hn::Sub(square, hn::Mul(along, along)), hn::Zero(df)));
+        const V height = hn::Add(hn::Mul(along, cone_cos), hn::Mul(across, cone_sin));
+        const V side = hn::Sub(hn::Mul(across, cone_cos), hn::Mul(along, cone_sin));
+        const V steep = hn::Mul(reach, slope);
+        const M under = hn::Lt(hn::Add(height, reach), hn::Zero(df));
+        const M lower = hn::And(hn::Lt(hn::Add(hn::Sub(height, hn::Mul(tangent, side)), steep), hn::Zero(df)),
+                                hn::Gt(square, hn::Mul(steep, steep)));
+        const V facing = hn::Sub(hn::Zero(df), dot(x, y, z, gather(clusters.cone[0]), gather(clusters.cone[1]),
+                                                   gather(clusters.cone[2])));
+        const V beside = hn::Sqrt(larger(hn::Sub(square, hn::Mul(facing, facing)), hn::Zero(df)));
+        const V cosine = gather(clusters.cone_cos);
+        const M back = hn::Lt(hn::Add(hn::Add(hn::Mul(facing, cosine), hn::Mul(beside, gather(clusters.cone_sin))), reach),
+                              hn::Zero(df));
+        const M culled = hn::Or(hn::And(narrow, hn::Or(under, lower)), hn::And(back, hn::Gt(cosine, hn::Zero(df))));
+        const auto keep = hn::AndNot(hn::RebindMask(di, culled), in_range);
+        hn::StoreU(hn::Compress(hn::BitCast(du, index), hn::RebindMask(du, keep)), du, selected + count);
+        count += static_cast<uint32_t>(hn::CountTrue(di, keep));
+    }
+    return count;
+}
+
+template<PlaneMap map>
+void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float* points, const MaskLayout& layout,
+                     float horizon, ClusterScratch& scratch, JobList& jobs, Counters& counters) {
+    for (uint32_t lane = 0; lane < lanes; lane += width) {
+        const uint32_t valid = batch.valid >> lane & chunk_bits;
+        if (!valid) continue;
+        const Chunk chunk = load_chunk(batch, lane);
+        const Vec3 middle =
+            to_local(chunk, constant(cluster.centre[0]), constant(cluster.centre[1]), constant(cluster.centre[2]));
+        const V distance = hn::Sqrt(dot(middle.x, middle.y, middle.z, middle.x, middle.y, middle.z));
+        const V margin = hn::Mul(constant(1e-6f), hn::Add(distance, constant(cluster.radius)));
+        const V opposite = hn::Sub(hn::Zero(df), margin);
+        const Horizon towards = horizon_towards(horizon, middle.x, middle.y);
+        const uint32_t considered = static_cast<uint32_t>(__builtin_popcount(valid));
+        counters.triangles_considered += uint64_t(considered) * cluster.triangle_count;
+
+        // Facing first, from the planes alone: it spares half of the corners their transformation.
+        uint32_t front[cluster_triangles], back[cluster_triangles];
+        uint64_t corners = 0;
+        for (uint32_t t = 0; t < cluster.triangle_count; ++t) {
+            const float* plane = cluster.planes + 4 * t;
+            const V height = hn::Sub(dot(constant(plane[0]), constant(plane[1]), constant(plane[2]), chunk.position[0],
+                                         chunk.position[1], chunk.position[2]),
+                                     constant(plane[3]));
+            front[t] = bits_of(hn::Gt(height, margin)) & valid;
+            back[t] = cluster.two_sided ? bits_of(hn::Lt(height, opposite)) & valid : 0;
+            const uint8_t* triangle = cluster.triangles + 8 * t;
+            const uint64_t own = 1ull << triangle[0] | 1ull << triangle[1] | 1ull << triangle[2];
+            corners |= front[t] | back[t] ? own : 0;
+        }
+        for (uint64_t left = corners; left; left &= left - 1) {
+            const uint32_t v = static_cast<uint32_t>(__builtin_ctzll(left));
+            const float* p = points + 4 * size_t(cluster.vertices[v]);
+            const Vec3 local = to_local(chunk, constant(p[0]), constant(p[1]), constant(p[2]));
+            hn::Store(local.x, df, scratch.local[v][0]);
+            hn::Store(local.y, df, scratch.local[v][1]);
+            hn::Store(local.z, df, scratch.local[v][2]);
+            hn::Store(over_horizon(towards, local), df, scratch.local[v][3]);
+        }
+        uint64_t edges[2] = {0, 0};
+        for (uint32_t t = 0; t < cluster.triangle_count; ++t) {
+            if (!(front[t] | back[t])) continue;
+            const uint8_t* triangle = cluster.triangles + 8 * t;
+            const auto& a = scratch.local[triangle[0]];
+            const auto& b = scratch.local[triangle[1]];
+            const auto& c = scratch.local[triangle[2]];
+            const V height = larger(larger(hn::Load(df, a[2]), hn::Load(df, b[2])), hn::Load(df, c[2]));
+            const V over = larger(larger(hn::Load(df, a[3]), hn::Load(df, b[3])), hn::Load(df, c[3]));
+            const uint32_t reaches = bits_of(hn::Gt(hn::Min(height, over), hn::Zero(df)));
+            front[t] &= reaches;
+            back[t] &= reaches;
+            if (!(front[t] | back[t])) continue;
+            for (uint32_t k = 3; k < 6; ++k)
+                edges[triangle[k] >> 6] |= 1ull << (triangle[k] & 63);
+        }
+        for (uint32_t word = 0; word < 2; ++word) {
+            for (uint64_t left = edges[word]; left; left &= left - 1) {
+                const uint32_t e = word * 64 + static_cast<uint32_t>(__builtin_ctzll(left));
+                const auto& a = scratch.local[cluster.edges[2 * e]];
+                const auto& b = scratch.local[cluster.edges[2 * e + 1]];
+                const Vec3 from{hn::Load(df, a[0]), hn::Load(df, a[1]), hn::Load(df, a[2])};
+                const Vec3 to{hn::Load(df, b[0]), hn::Load(df, b[1]), hn::Load(df, b[2])};
+                hn::Store(plane_entry<map>(layout, cross(from, to)), du, scratch.entry[e]);
+            }
+        }
+        const uint32_t complement = entry_complement(layout);
+        for (uint32_t t = 0; t < cluster.triangle_count; ++t) {
+            if (!(front[t] | back[t])) continue;
+            const uint8_t* triangle = cluster.triangles + 8 * t;
+            const U turned =
+                hn::IfThenElseZero(hn::RebindMask(du, mask_of(back[t])), hn::Set(du, complement));
+            U entry[3];
+            for (uint32_t k = 0; k < 3; ++k) {
+                const U flip = hn::Set(du, triangle[6] >> k & 1 ? complement : 0);
+                entry[k] = hn::Xor(hn::Xor(hn::Load(du, scratch.entry[triangle[3 + k]]), flip), turned);
+            }
+            const M active = hn::And(mask_of(front[t] | back[t]), valid_entries(entry));
+            counters.triangles_rasterized += hn::CountTrue(df, active);
+            const V ya = hn::Load(df, scratch.local[triangle[0]][1]), yb = hn::Load(df, scratch.local[triangle[1]][1]),
+                    yc = hn::Load(df, scratch.local[triangle[2]][1]);
+            add_jobs(layout, entry, hn::Min(hn::Min(ya, yb), yc), hn::Max(hn::Max(ya, yb), yc), lane, active, jobs);
+        }
+    }
+}
+
+void cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* points, const MaskLayout& layout,
+                  float horizon, ClusterScratch& scratch, JobList& jobs, Counters& counters) {
+    if (layout.planes == PlaneMap::octahedral) {
+        cluster_jobs_of<PlaneMap::octahedral>(batch, cluster, points, layout, horizon, scratch, jobs, counters);
+    } else {
+        cluster_jobs_of<PlaneMap::cube>(batch, cluster, points, layout, horizon, scratch, jobs, counters);
+    }
+}
+
+HWY_INLINE void free_jobs(const MaskLayout& layout, const Vec3 corner[3], const Vec3 normal[3], M behind, M active,
+                          uint32_t lane, JobList& jobs, uint64_t& counter) {
+    const U turned = hn::IfThenElseZero(hn::RebindMask(du, behind), hn::Set(du, entry_complement(layout)));
+    U entry[3];
+    for (uint32_t k = 0; k < 3; ++k) {
+        entry[k] = layout.planes == PlaneMap::octahedral ? plane_entry<PlaneMap::octahedral>(layout, normal[k])
+                                                         : plane_entry<PlaneMap::cube>(layout, normal[k]);
+        entry[k] = hn::Xor(entry[k], turned);
+    }
+    const M left = hn::And(active, valid_entries(entry));
+    counter += hn::CountTrue(df, left);
+    add_jobs(layout, entry, hn::Min(hn::Min(corner[0].y, corner[1].y), corner[2].y),
+             hn::Max(hn::Max(corner[0].y, corner[1].y), corner[2].y), lane, left, jobs);
+}
+
+HWY_INLINE Vec3 load_corner(const Chunk& chunk, const float corner[3][lanes], uint32_t lane) {
+    return to_local(chunk, hn::Load(df, corner[0] + lane), hn::Load(df, corner[1] + lane), hn::Load(df, corner[2] + lane));
+}
+
+void triangle_jobs(const Batch& batch, const float corners[3][3][lanes], uint32_t active, uint32_t two_sided,
+                   const MaskLayout& layout, float horizon, JobList& jobs, Counters& counters) {
+    active &= batch.valid;
+    counters.triangles_considered += static_cast<uint32_t>(__builtin_popcount(active));
+    for (uint32_t lane = 0; lane < lanes; lane += width) {
+        if (!(active >> lane & chunk_bits)) continue;
+        const Chunk chunk = load_chunk(batch, lane);
+        const Vec3 corner[3] = {load_corner(chunk, corners[0], lane), load_corner(chunk, corners[1], lane),
+                                load_corner(chunk, corners[2], lane)};
+        const Vec3 &a = corner[0], &b = corner[1], &c = corner[2];
+        const Vec3 normal[3] = {cross(a, b), cross(b, c), cross(c, a)};
+        const V volume = dot(normal[0].x, normal[0].y, normal[0].z, c.x, c.y, c.z);
+        const V edge = hn::Add(hn::Add(hn::Abs(normal[0].x), hn::Abs(normal[0].y)), hn::Abs(normal[0].z));
+        const V reach = hn::Add(hn::Add(hn::Abs(c.x), hn::Abs(c.y)), hn::Abs(c.z));
+        const V margin = hn::Mul(constant(1e-6f), hn::Mul(edge, reach));
+        const M front = hn::Lt(volume, hn::Sub(hn::Zero(df), margin));
+        const M back = hn::And(hn::Gt(volume, margin), mask_of(two_sided >> lane & chunk_bits));
+        const V sum_x = hn::Add(hn::Add(a.x, b.x), c.x), sum_y = hn::Add(hn::Add(a.y, b.y), c.y);
+        const Horizon towards = horizon_towards(horizon, sum_x, sum_y);
+        const V height = larger(larger(a.z, b.z), c.z);
+        const V over = larger(larger(over_horizon(towards, a), over_horizon(towards, b)), over_horizon(towards, c));
+        const M above = hn::Gt(hn::Min(height, over), hn::Zero(df));
+        const M drawn = hn::And(hn::And(hn::Or(front, back), above), mask_of(active >> lane & chunk_bits));
+        free_jobs(layout, corner, normal, back, drawn, lane, jobs, counters.triangles_rasterized);
+    }
+}
+
+void fan_jobs(const Batch& batch, const float corners[2][3][lanes], uint32_t active, const MaskLayout& layout,
+              JobList& jobs, Counters& counters) {
+    active &= batch.valid;
+    const V zero = hn::Zero(df);
+    for (uint32_t lane = 0; lane < lanes; lane += width) {
+        if (!(active >> lane & chunk_bits)) continue;
+        const Chunk chunk = load_chunk(batch, lane);
+        const Vec3 corner[3] = {load_corner(chunk, corners[0], lane), load_corner(chunk, corners[1], lane),
+                                Vec3{zero, zero, constant(-1.0f)}};
+        const Vec3 &a = corner[0], &b = corner[1];
+        const M above = hn::Or(hn::Gt(a.z, zero), hn::Gt(b.z, zero));
+        const M drawn = hn::And(above, mask_of(active >> lane & chunk_bits));
+        if (!bits_of(drawn)) continue;
+        const Vec3 normal[3] = {cross(a, b), Vec3{hn::Neg(b.y), b.x, zero}, Vec3{a.y, hn::Neg(a.x), zero}};
+        free_jobs(layout, corner, normal, hn::Lt(normal[0].z, zero), drawn, lane, jobs, counters.fan_triangles);
+    }
+}
+
+template<uint32_t half_bytes>
+void run_jobs_of(const Tables& tables, JobList& jobs, uint8_t* masks) {
+    const hn::CappedTag<uint32_t, 16> d;
+    constexpr uint32_t step = hn::MaxLanes(hn::CappedTag<uint32_t, 16>()) * 4;
+    constexpr uint32_t ahead = 12; // jobs: covers a miss in L2 at the rate at which they are carried out
+    const uint8_t* planes = tables.planes;
+    for (uint32_t j = 0; j < jobs.count; ++j) {
+        const uint32_t next = j + ahead; // the list has slack to read past its end
+        for (uint32_t k = 0; k < 3; ++k) {
+            for (uint32_t line = 0; line < half_bytes; line += 64)
+                __builtin_prefetch(planes + (jobs.plane[k][next < jobs.count ? next : j] & ~63u) + line);
+        }
+        const uint32_t e0 = jobs.plane[0][j], e1 = jobs.plane[1][j], e2 = jobs.plane[2][j];
+        const auto s0 = hn::Set(d, 0u - (e0 & 1)), s1 = hn::Set(d, 0u - (e1 & 1)), s2 = hn::Set(d, 0u - (e2 & 1));
+        const uint8_t* p0 = planes + (e0 & ~63u);
+        const uint8_t* p1 = planes + (e1 & ~63u);
+        const uint8_t* p2 = planes + (e2 & ~63u);
+        uint8_t* mask = masks + jobs.destination[j];
+        for (uint32_t i = 0; i < half_bytes; i += step) {
+            const auto load = [&](const uint8_t* p) HWY_ATTR { return hn::Load(d, reinterpret_cast<const uint32_t*>(p + i)); };
+            const auto inside = hn::And(hn::And(hn::Xor(load(p0), s0), hn::Xor(load(p1), s1)), hn::Xor(load(p2), s2));
+            hn::Store(hn::Or(load(mask), inside), d, reinterpret_cast<uint32_t*>(mask + i));
+        }
+    }
+    jobs.count = 0;
+}
+
+void run_jobs(const Tables& tables, JobList& jobs, uint8_t* masks) {
+    if (mask_bytes(tables.layout) == 128) {
+        run_jobs_of<64>(tables, jobs, masks);
+    } else {
+        run_jobs_of<256>(tables, jobs, masks);
+    }
+}
+
+void downsample(const uint8_t* mask, uint32_t blocks, uint8_t* counts) {
+    const hn::CappedTag<uint16_t, 16> d;
+    const hn::RebindToSigned<decltype(d)> ds;
+    const hn::Rebind<uint8_t, decltype(d)> bytes;
+    for (uint32_t block = 0; block < blocks; block += static_cast<uint32_t>(hn::Lanes(d))) {
+        const auto bits = hn::LoadU(d, reinterpret_cast<const uint16_t*>(mask) + block);
+        hn::StoreU(hn::DemoteTo(bytes, hn::BitCast(ds, hn::PopulationCount(bits))), bytes, counts + block);
+    }
+}
+
+constexpr uint32_t column_registers = sh_columns / width;
+
+void integrate_blocks(const Tables& tables, const uint8_t* mask, float* sum) {
+    const uint32_t blocks = mask_blocks(tables.layout);
+    alignas(64) uint8_t counts[256];
+    downsample(mask, blocks, counts);
+    V rest[column_registers];
+    const float* row = tables.block_weights + size_t(blocks) * sh_columns;
+    for (uint32_t i = 0; i < column_registers; ++i)
+        rest[i] = hn::Load(df, row + i * width);
+    row = tables.block_weights;
+    for (uint32_t block = 0; block < blocks; ++block, row += sh_columns) {
+        const V count = constant(static_cast<float>(counts[block]));
+        for (uint32_t i = 0; i < column_registers; ++i)
+            rest[i] = hn::Sub(rest[i], hn::Mul(count, hn::Load(df, row + i * width)));
+    }
+    for (uint32_t i = 0; i < column_registers; ++i)
+        hn::Store(rest[i], df, sum + i * width);
+}
+
+// The blocks of 64 that are blocked wholly, and those that are in part.
+HWY_INLINE void classify(const uint8_t* mask, uint64_t& full, uint64_t& partial) {
+    const hn::CappedTag<uint16_t, 32> d;
+    constexpr uint32_t step = hn::MaxLanes(hn::CappedTag<uint16_t, 32>());
+    uint8_t all[16] = {}, none[16] = {};
+    for (uint32_t i = 0; i < 64; i += step) {
+        const auto bits = hn::Load(d, reinterpret_cast<const uint16_t*>(mask) + i);
+        hn::StoreMaskBits(d, hn::Eq(bits, hn::Set(d, 0xFFFF)), all + i / 8);
+        hn::StoreMaskBits(d, hn::Eq(bits, hn::Zero(d)), none + i / 8);
+    }
+    uint64_t open;
+    std::memcpy(&full, all, 8);
+    std::memcpy(&open, none, 8);
+    partial = ~(full | open);
+}
+
+void integrate_bits(const Tables& tables, const uint8_t* mask, float* sum, Counters& counters) {
+    const hn::CappedTag<int16_t, sh_columns> d;
+    constexpr uint32_t step = hn::MaxLanes(hn::CappedTag<int16_t, sh_columns>());
+    constexpr uint32_t registers = sh_columns / step;
+    hn::Vec<decltype(d)> rest[registers];
+    for (uint32_t i = 0; i < registers; ++i)
+        rest[i] = hn::Load(d, tables.total + i * step);
+    const auto subtract = [&](const int16_t* row) HWY_ATTR {
+        for (uint32_t i = 0; i < registers; ++i)
+            rest[i] = hn::Sub(rest[i], hn::Load(d, row + i * step));
+    };
+    for (uint32_t first = 0; first < mask_blocks(tables.layout); first += 64) {
+        uint64_t full, partial;
+        classify(mask + 2 * first, full, partial);
+        counters.blocks_partial += static_cast<uint32_t>(__builtin_popcountll(partial));
+        counters.blocks_uniform += 64 - static_cast<uint32_t>(__builtin_popcountll(partial));
+        for (; full; full &= full - 1)
+            subtract(tables.blocks + size_t(first + static_cast<uint32_t>(__builtin_ctzll(full))) * sh_columns);
+        for (; partial; partial &= partial - 1) {
+            const uint32_t block = first + static_cast<uint32_t>(__builtin_ctzll(partial));
+            uint16_t bits;
+            std::memcpy(&bits, mask + 2 * block, 2);
+            const int16_t* rows = tables.nibbles + size_t(block) * 4 * 16 * sh_columns;
+            for (uint32_t row = 0; row < 4; ++row)
+                subtract(rows + (row * 16 + (bits >> (4 * row) & 15)) * sh_columns);
+        }
+    }
+    alignas(64) int16_t integer[sh_columns];
+    for (uint32_t i = 0; i < registers; ++i)
+        hn::Store(rest[i], d, integer + i * step);
+    const hn::Rebind<int16_t, Float> narrow;
+    for (uint32_t i = 0; i < sh_columns; i += width) {
+        const V value = hn::ConvertTo(df, hn::PromoteTo(di, hn::Load(narrow, integer + i)));
+        hn::Store(hn::Mul(value, hn::Load(df, tables.scale + i)), df, sum + i);
+    }
+}
+
+void integrate(const Tables& tables, const uint8_t* masks, uint32_t valid, bool per_block, float local[25][lanes],
+               Counters& counters) {
+    const uint32_t bytes = mask_bytes(tables.layout), blocks = mask_blocks(tables.layout);
+    for (uint32_t lane = 0; lane < lanes; ++lane) {
+        alignas(64) float sum[sh_columns] = {};
+        if (valid >> lane & 1) {
+            const uint8_t* mask = masks + size_t(lane) * bytes;
+            if (per_block) {
+                integrate_blocks(tables, mask, sum);
+                for (uint32_t first = 0; first < blocks; first += 64) {
+                    uint64_t full, partial;
+                    classify(mask + 2 * first, full, partial);
+                    counters.blocks_partial += static_cast<uint32_t>(__builtin_popcountll(partial));
+                    counters.blocks_uniform += 64 - static_cast<uint32_t>(__builtin_popcountll(partial));
+                }
+            } else {
+                integrate_bits(tables, mask, sum, counters);
+            }
+        }
+        for (uint32_t i = 0; i < 25; ++i)
+            local[i][lane] = sum[i];
+    }
+}
+
+void rotate(const Batch& batch, const float local[25][lanes], float out[25][lanes]) {
+    for (uint32_t lane = 0; lane < lanes; lane += width) {
+        V in[25], turned[25];
+        for (uint32_t i = 0; i < 25; ++i)
+            in[i] = hn::Load(df, local[i] + lane);
+        const V zero = hn::Zero(df);
+        sh_rotate_zy(Constant(), hn::Load(df, batch.axis[2][2] + lane), hn::Sub(zero, hn::Load(df, batch.axis[0][2] + lane)),
+                     hn::Load(df, batch.axis[1][1] + lane), hn::Sub(zero, hn::Load(df, batch.axis[1][0] + lane)), in,
+                     turned);
+        const M valid = mask_of(batch.valid >> lane & chunk_bits);
+        for (uint32_t i = 0; i < 25; ++i)
+            hn::Store(hn::IfThenElseZero(valid, turned[i]), df, out[i] + lane);
+    }
+}
+
+void shade(const float light[75], const float* transfer, size_t stride, size_t count, float* rgb) {
+    // Lanes are the channels: each channel's sum keeps the order of the terms.
+    const hn::CappedTag<float, 4> d;
+    alignas(16) float rows[25][4];
+    for (uint32_t term = 0; term < 25; ++term) {
+        for (uint32_t c = 0; c < 4; ++c)
+            rows[term][c] = c < 3 ? light[term * 3 + c] : 0.0f;
+    }
+    for (size_t i = 0; i < count; ++i) {
+        const float* t = reinterpret_cast<const float*>(reinterpret_cast<const char*>(transfer) + i * stride);
+        auto sum = hn::Zero(d);
+        for (uint32_t term = 0; term < 25; ++term)
+            sum = hn::Add(sum, hn::Mul(hn::Load(d, rows[term]), hn::Set(d, t[term])));
+        alignas(16) float out[4];
+        hn::Store(sum, d, out);
+        std::memcpy(rgb + 3 * i, out, 3 * sizeof(float));
+    }
+}
+
+void evaluate_sh(const float* x, const float* y, const float* z, size_t count, float* out) {
+    size_t i = 0;
+    const auto evaluate = [&](const float* px, const float* py, const float* pz, V basis[25]) HWY_ATTR {
+        sh_basis(Constant(), hn::LoadU(df, px), hn::LoadU(df, py), hn::LoadU(df, pz), basis);
+    };
+    V basis[25];
+    for (; i + width <= count; i += width) {
+        evaluate(x + i, y + i, z + i, basis);
+        for (uint32_t term = 0; term < 25; ++term)
+            hn::StoreU(basis[term], df, out + term * count + i);
+    }
+    if (i == count) return;
+    float rest[3][lanes] = {};
+    for (size_t k = 0; i + k < count; ++k) {
+        rest[0][k] = x[i + k];
+        rest[1][k] = y[i + k];
+        rest[2][k] = z[i + k];
+    }
+    evaluate(rest[0], rest[1], rest[2], basis);
+    for (uint32_t term = 0; term < 25; ++term) {
+        float values[lanes];
+        hn::StoreU(basis[term], df, values);
+        std::memcpy(out + term * count + i, values, (count - i) * sizeof(float));
+    }
+}
+
+constexpr const char* set_name() {
+    return HWY_TARGET == HWY_AVX3 ? "avx512" : HWY_TARGET == HWY_AVX2 ? "avx2" : "sse4";
+}
+
+} // namespace
+
+extern const Kernels table;
+const Kernels table = {set_name(), prepare_batch, accept_groups, select_clusters, cluster_jobs, triangle_jobs, fan_jobs,
+                       run_jobs,   integrate,     rotate,        downsample,      shade,        evaluate_sh};
+
+} // namespace HWY_NAMESPACE
+} // namespace nusselt::kernels
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace nusselt::kernels {
+
+const Kernels* sse4_kernels() { return &N_SSE4::table; }
+const Kernels* avx2_kernels() { return &N_AVX2::table; }
+const Kernels* avx512_kernels() { return &N_AVX3::table; }
+
+} // namespace nusselt::kernels
+#endif

@@ -1,0 +1,204 @@
+// The tables, in double and without library functions beyond the square root, so that every machine makes the same.
+#include "kernels/kernels.h"
+
+#include <cmath>
+#include <cstring>
+
+namespace nusselt::kernels {
+
+namespace {
+
+#include "kernels/sh_formulas.inl"
+
+constexpr double quarter_pi = 0.78539816339744830962;
+
+// Taylor series on [0, pi / 4]: below 1e-17 of error after these terms.
+double sine(double a) {
+    const double s = a * a;
+    double sum = 0, term = a;
+    for (int k = 1; k <= 19; k += 2) {
+        sum += term;
+        term *= -s / double((k + 1) * (k + 2));
+    }
+    return sum;
+}
+double cosine(double a) {
+    const double s = a * a;
+    double sum = 0, term = 1;
+    for (int k = 0; k <= 18; k += 2) {
+        sum += term;
+        term *= -s / double((k + 1) * (k + 2));
+    }
+    return sum;
+}
+
+// A point of the square [-1, 1]^2 to the hemisphere. Worked out in one octant and mirrored, so that the directions
+// have the square's eight symmetries bit for bit.
+bool square_to_hemisphere(SampleMap map, double u, double v, double d[3]) {
+    double x = std::fabs(u), y = std::fabs(v);
+    if (map == SampleMap::concentric) {
+        const bool steep = y > x;
+        const double radius = steep ? y : x, across = steep ? x : y;
+        const double angle = radius > 0 ? quarter_pi * (across / radius) : 0.0;
+        const double along = radius * cosine(angle), aside = radius * sine(angle);
+        x = steep ? aside : along;
+        y = steep ? along : aside;
+    }
+    const double square = x * x + y * y;
+    if (square >= 1) return false;
+    d[0] = u < 0 ? -x : x;
+    d[1] = v < 0 ? -y : y;
+    d[2] = std::sqrt(1 - square);
+    return true;
+}
+
+struct Constant {
+    double operator()(double value) const { return value; }
+};
+
+void cell_of_bit(uint32_t side, uint32_t bit, uint32_t& x, uint32_t& y) {
+    const uint32_t block = bit / 16, blocks_along = side / 4;
+    x = (block % blocks_along) * 4 + bit % 4;
+    y = (block / blocks_along) * 4 + (bit / 4) % 4;
+}
+
+// The integral of the 25 basis functions times cosine over pi, over one cell; false where the cell is unused.
+// In the plane of the disk the measure is area over pi, whatever the map; the concentric map keeps areas (4 : pi).
+bool cell_weights(const MaskLayout& layout, uint32_t bit, double weights[25]) {
+    constexpr int samples = 8;
+    uint32_t cx, cy;
+    cell_of_bit(layout.side, bit, cx, cy);
+    double centre[3];
+    if (!sample_direction(layout, bit, centre)) return false;
+    for (int i = 0; i < 25; ++i)
+        weights[i] = 0;
+    const double cell = 2.0 / layout.side;
+    const double area = layout.samples == SampleMap::concentric ? cell * cell / 4 : cell * cell / (4 * quarter_pi);
+    for (int sy = 0; sy < samples; ++sy) {
+        for (int sx = 0; sx < samples; ++sx) {
+            const double u = (cx + (sx + 0.5) / samples) * cell - 1, v = (cy + (sy + 0.5) / samples) * cell - 1;
+            double d[3], basis[25];
+            if (!square_to_hemisphere(layout.samples, u, v, d)) continue;
+            sh_basis(Constant(), d[0], d[1], d[2], basis);
+            for (int i = 0; i < 25; ++i)
+                weights[i] += basis[i] * (area / (samples * samples));
+        }
+    }
+    return true;
+}
+
+void cell_normal(const MaskLayout& layout, uint32_t cell, double n[3]) {
+    const uint32_t k = layout.plane_cells;
+    const double u = (cell % k + 0.5) * 2 / k - 1, v = (cell / k % k + 0.5) * 2 / k - 1;
+    if (layout.planes == PlaneMap::octahedral) {
+        n[0] = (u + v) / 2;
+        n[1] = (u - v) / 2;
+        n[2] = 1 - std::fabs(n[0]) - std::fabs(n[1]);
+        return;
+    }
+    const uint32_t face = cell / (k * k), axis = face / 2;
+    n[axis] = face % 2 ? -1 : 1;
+    n[axis == 0 ? 1 : 0] = u;
+    n[axis == 2 ? 1 : 2] = v;
+}
+
+} // namespace
+
+bool sample_direction(const MaskLayout& layout, uint32_t bit, double direction[3]) {
+    uint32_t x, y;
+    cell_of_bit(layout.side, bit, x, y);
+    return square_to_hemisphere(layout.samples, (2.0 * x + 1) / layout.side - 1, (2.0 * y + 1) / layout.side - 1,
+                                direction);
+}
+
+void build_plane_table(const MaskLayout& layout, uint32_t first_cell, uint32_t end_cell, uint8_t* planes) {
+    const uint32_t bits = mask_bits(layout), bytes = mask_bytes(layout);
+    double directions[4096][3];
+    bool used[4096];
+    for (uint32_t bit = 0; bit < bits; ++bit)
+        used[bit] = sample_direction(layout, bit, directions[bit]);
+    for (uint32_t cell = first_cell; cell < end_cell; ++cell) {
+        double n[3];
+        cell_normal(layout, cell, n);
+        uint8_t* mask = planes + size_t(cell) * bytes;
+        for (uint32_t byte = 0; byte < bytes; ++byte) {
+            uint32_t value = 0;
+            for (uint32_t i = 0; i < 8; ++i) {
+                const double* d = directions[byte * 8 + i];
+                const bool above = used[byte * 8 + i] && n[0] * d[0] + n[1] * d[1] + n[2] * d[2] >= 0;
+                value |= uint32_t(above) << i;
+            }
+            mask[byte] = uint8_t(value);
+        }
+    }
+}
+
+void build_weights(const MaskLayout& layout, int16_t* nibbles, int16_t* blocks, int16_t* total, float* scale,
+                   float* block_weights) {
+    const uint32_t block_count = mask_blocks(layout);
+    double positive[25] = {}, negative[25] = {};
+    for (uint32_t bit = 0; bit < mask_bits(layout); ++bit) {
+        double w[25];
+        if (!cell_weights(layout, bit, w)) continue;
+        for (int i = 0; i < 25; ++i)
+            (w[i] > 0 ? positive : negative)[i] += std::fabs(w[i]);
+    }
+    // Sums of bits stay within 16 bits whatever the mask: intermediate sums may wrap, the result does not.
+    double to_integer[25];
+    for (int i = 0; i < 25; ++i)
+        to_integer[i] = 32000.0 / (positive[i] > negative[i] ? positive[i] : negative[i]);
+    for (uint32_t i = 0; i < sh_columns; ++i) {
+        scale[i] = i < 25 ? float(1 / to_integer[i]) : 0.0f;
+        total[i] = 0;
+    }
+    double block_total[25] = {};
+    for (uint32_t block = 0; block < block_count; ++block) {
+        int16_t* block_row = blocks + size_t(block) * sh_columns;
+        std::memset(block_row, 0, sh_columns * sizeof(int16_t));
+        double block_sum[25] = {};
+        uint32_t used = 0;
+        for (uint32_t row = 0; row < 4; ++row) {
+            double w[4][25] = {};
+            for (uint32_t i = 0; i < 4; ++i)
+                used += cell_weights(layout, block * 16 + row * 4 + i, w[i]) ? 1 : 0;
+            for (uint32_t pattern = 0; pattern < 16; ++pattern) {
+                int16_t* out = nibbles + ((size_t(block) * 4 + row) * 16 + pattern) * sh_columns;
+                std::memset(out, 0, sh_columns * sizeof(int16_t));
+                for (int i = 0; i < 25; ++i) {
+                    double sum = 0;
+                    for (uint32_t bit = 0; bit < 4; ++bit)
+                        sum += pattern >> bit & 1 ? w[bit][i] : 0;
+                    out[i] = int16_t(std::floor(sum * to_integer[i] + 0.5));
+                    if (pattern == 15) {
+                        block_row[i] = int16_t(block_row[i] + out[i]);
+                        block_sum[i] += sum;
+                    }
+                }
+            }
+        }
+        float* mean = block_weights + size_t(block) * sh_columns;
+        for (uint32_t i = 0; i < sh_columns; ++i) {
+            mean[i] = i < 25 && used ? float(block_sum[i] / used) : 0.0f;
+            total[i] = int16_t(total[i] + block_row[i]);
+        }
+        for (int i = 0; i < 25; ++i)
+            block_total[i] += block_sum[i];
+    }
+    float* all = block_weights + size_t(block_count) * sh_columns;
+    for (uint32_t i = 0; i < sh_columns; ++i)
+        all[i] = i < 25 ? float(block_total[i]) : 0.0f;
+}
+
+float horizon_tangent(const MaskLayout& layout) {
+    double lowest = 1;
+    for (uint32_t bit = 0; bit < mask_bits(layout); ++bit) {
+        double d[3];
+        if (sample_direction(layout, bit, d) && d[2] / std::sqrt(1 - d[2] * d[2]) < lowest)
+            lowest = d[2] / std::sqrt(1 - d[2] * d[2]);
+    }
+    // Half a cell of the table turns a plane by less than this.
+    const double table_error = 2.5 / layout.plane_cells;
+    return float(lowest > table_error ? lowest - table_error : 0.0);
+}
+
+} // namespace nusselt::kernels
