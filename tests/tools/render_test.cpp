@@ -1,0 +1,83 @@
+#include "tools/render/render.h"
+
+#include <glm/geometric.hpp>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace nusselt::tools {
+namespace {
+
+Assembly square() {
+    Assembly all;
+    all.positions = {{-1, -1, 0}, {1, -1, 0}, {1, 1, 0}, {-1, 1, 0}};
+    all.normals.assign(4, {0, 0, 1});
+    all.albedo.assign(4, glm::vec3(1));
+    all.indices = {0, 1, 2, 0, 2, 3};
+    return all;
+}
+
+TEST(Camera, SeesTheWholeBox) {
+    Bounds bounds;
+    grow(bounds, {{-3, 1, 2}, {5, 2, 9}, {NAN, 100, 0}});
+    for (const glm::vec3 direction :
+         {glm::vec3(-0.4f, -0.35f, -1), glm::vec3(0, -1, 0), glm::vec3(1, 0, 0)}) {
+        const Camera camera = frame_camera(bounds, direction, 35, 640, 360);
+        float widest = 0;
+        for (int k = 0; k < 8; ++k) {
+            const glm::vec3 corner(k & 1 ? bounds.low.x : bounds.high.x, k & 2 ? bounds.low.y : bounds.high.y,
+                                   k & 4 ? bounds.low.z : bounds.high.z);
+            const glm::vec3 d = corner - camera.eye;
+            const float depth = glm::dot(d, camera.forward);
+            const float x = glm::dot(d, camera.right) / glm::dot(camera.right, camera.right) / depth;
+            const float y = glm::dot(d, camera.up) / glm::dot(camera.up, camera.up) / depth;
+            ASSERT_GT(depth, 0);
+            widest = std::max({widest, std::abs(x), std::abs(y)});
+        }
+        EXPECT_LE(widest, 1);
+        EXPECT_GT(widest, 0.8f);
+    }
+}
+
+TEST(View, InterpolatesRadianceTheRightWayUp) {
+    const Assembly all = square();
+    const TraceScene scene = make_trace_scene(all);
+    Bounds bounds;
+    grow(bounds, all.positions);
+    const Camera camera = frame_camera(bounds, {0, 0, -1}, 40, 60, 60);
+    const View view = cast_view(scene, camera, 60, 60);
+    // Red grows with x, green with y.
+    std::vector<float> radiance;
+    for (const glm::vec3& p : all.positions)
+        radiance.insert(radiance.end(), {(p.x + 1) / 2, (p.y + 1) / 2, 0.25f});
+    const Image image = color_view(view, all, radiance);
+    const auto pixel = [&](size_t x, size_t y) { return &image.rgb[(y * 60 + x) * 3]; };
+    EXPECT_EQ(view.covered[30 * 60 + 30], 9);
+    EXPECT_EQ(view.covered[0], 0);
+    EXPECT_NEAR(pixel(30, 30)[0], 0.5, 0.02);
+    EXPECT_NEAR(pixel(30, 30)[2], 0.25, 1e-5);
+    EXPECT_GT(pixel(45, 30)[0], 0.7);
+    EXPECT_GT(pixel(30, 15)[1], 0.7); // row 15 is above the middle
+    EXPECT_LT(pixel(30, 45)[1], 0.3);
+
+    const Picture picture = finish_view(view, image, 1, nullptr);
+    EXPECT_GT(picture.rgb[0], 200); // the light background
+    const Image environment = sky(64, 32, 0);
+    EXPECT_NE(finish_view(view, image, 1, &environment).rgb, picture.rgb);
+}
+
+TEST(View, EmptySceneIsBackground) {
+    Assembly all;
+    all.positions = {{0, 0, 0}};
+    all.normals = {{0, 0, 1}};
+    all.albedo = {glm::vec3(1)};
+    Bounds bounds;
+    grow(bounds, all.positions);
+    const View view = cast_view(make_trace_scene(all), frame_camera(bounds, {0, 0, -1}, 40, 8, 8), 8, 8);
+    for (const uint8_t covered : view.covered)
+        EXPECT_EQ(covered, 0);
+    EXPECT_EQ(exposure_for(color_view(view, all, {0, 0, 0}), view.covered), 1.0f);
+}
+
+} // namespace
+} // namespace nusselt::tools

@@ -1,0 +1,166 @@
+#include "tools/render/render.h"
+
+#include "tools/trace/parallel.h"
+
+#include <embree3/rtcore.h>
+#include <glm/geometric.hpp>
+#include <glm/vec2.hpp>
+#include <pmmintrin.h>
+#include <xmmintrin.h>
+
+#include <cmath>
+
+namespace nusselt::tools {
+
+namespace {
+
+constexpr uint32_t samples_across = 3;
+constexpr uint32_t samples_per_pixel = samples_across * samples_across;
+
+glm::vec3 through(const Camera& camera, float x, float y) {
+    return glm::normalize(camera.forward + x * camera.right + y * camera.up);
+}
+
+// Picture coordinates in [-1, 1], y up.
+glm::vec2 on_picture(const View& view, double x, double y) {
+    return {static_cast<float>(2 * x / view.width - 1), static_cast<float>(1 - 2 * y / view.height)};
+}
+
+} // namespace
+
+Camera frame_camera(const Bounds& bounds, const glm::vec3& direction, float fov, uint32_t width,
+                    uint32_t height) {
+    Camera camera;
+    const float length = glm::length(direction);
+    camera.forward = length > 0 ? direction / length : glm::vec3(0, 0, -1);
+    const glm::vec3 world_up = std::abs(camera.forward.y) > 0.999f ? glm::vec3(0, 0, -1) : glm::vec3(0, 1, 0);
+    const glm::vec3 right = glm::normalize(glm::cross(camera.forward, world_up));
+    const glm::vec3 up = glm::cross(right, camera.forward);
+    const float tan_y = std::tan(fov * 0.5f * 3.14159265f / 180);
+    const float tan_x = tan_y * static_cast<float>(width) / static_cast<float>(height);
+
+    // The nearest distance at which all corners lie inside the pyramid, with a margin.
+    constexpr float margin = 1.04f;
+    const glm::vec3 center = bounds.low + (bounds.high - bounds.low) * 0.5f;
+    const glm::vec3 half = (bounds.high - bounds.low) * 0.5f;
+    float distance = 0;
+    for (int corner = 0; corner < 8; ++corner) {
+        const glm::vec3 c((corner & 1 ? 1.0f : -1.0f) * half.x, (corner & 2 ? 1.0f : -1.0f) * half.y,
+                          (corner & 4 ? 1.0f : -1.0f) * half.z);
+        const float depth = glm::dot(c, camera.forward);
+        distance = std::max(distance, margin * std::abs(glm::dot(c, right)) / tan_x - depth);
+        distance = std::max(distance, margin * std::abs(glm::dot(c, up)) / tan_y - depth);
+    }
+    if (!(distance > 0)) distance = 1;
+    camera.eye = center - camera.forward * distance;
+    camera.right = right * tan_x;
+    camera.up = up * tan_y;
+    return camera;
+}
+
+View cast_view(const TraceScene& scene, const Camera& camera, uint32_t width, uint32_t height) {
+    View view;
+    view.width = width;
+    view.height = height;
+    view.camera = camera;
+    const size_t pixels = size_t{width} * height;
+    view.triangle.assign(pixels * samples_per_pixel, no_triangle);
+    view.uv.assign(pixels * samples_per_pixel * 2, 0.0f);
+    view.covered.assign(pixels, 0);
+    parallel_blocks(height, 4, [&](size_t begin, size_t end) {
+        const unsigned saved = _mm_getcsr();
+        _MM_SET_FLUSH_ZERO_MODE(_MM_FLUSH_ZERO_ON);
+        _MM_SET_DENORMALS_ZERO_MODE(_MM_DENORMALS_ZERO_ON);
+        RTCIntersectContext context;
+        rtcInitIntersectContext(&context);
+        context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+        for (size_t pixel = begin * width; pixel < end * width; ++pixel) {
+            for (uint32_t sample = 0; sample < samples_per_pixel; ++sample) {
+                const double sx = (sample % samples_across + 0.5) / samples_across;
+                const double sy = (sample / samples_across + 0.5) / samples_across;
+                const glm::vec2 at = on_picture(view, static_cast<double>(pixel % width) + sx,
+                                                static_cast<double>(pixel / width) + sy);
+                const glm::vec3 direction = through(camera, at.x, at.y);
+                RTCRayHit hit;
+                hit.ray.org_x = camera.eye.x;
+                hit.ray.org_y = camera.eye.y;
+                hit.ray.org_z = camera.eye.z;
+                hit.ray.dir_x = direction.x;
+                hit.ray.dir_y = direction.y;
+                hit.ray.dir_z = direction.z;
+                hit.ray.tnear = 0;
+                hit.ray.tfar = INFINITY;
+                hit.ray.time = 0;
+                hit.ray.mask = ~0u;
+                hit.ray.id = 0;
+                hit.ray.flags = 0;
+                hit.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+                hit.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+                rtcIntersect1(scene.scene.get(), &context, &hit);
+                if (hit.hit.geomID == RTC_INVALID_GEOMETRY_ID) continue;
+                const size_t k = pixel * samples_per_pixel + sample;
+                view.triangle[k] = hit.hit.primID;
+                view.uv[2 * k] = hit.hit.u;
+                view.uv[2 * k + 1] = hit.hit.v;
+                ++view.covered[pixel];
+            }
+        }
+        _mm_setcsr(saved);
+    });
+    return view;
+}
+
+Image color_view(const View& view, const Assembly& all, const std::vector<float>& radiance) {
+    Image image{view.width, view.height, {}};
+    image.rgb.assign(view.covered.size() * 3, 0.0f);
+    for (size_t pixel = 0; pixel < view.covered.size(); ++pixel) {
+        if (!view.covered[pixel]) continue;
+        float sum[3] = {};
+        for (size_t k = pixel * samples_per_pixel; k < (pixel + 1) * samples_per_pixel; ++k) {
+            if (view.triangle[k] == no_triangle) continue;
+            const uint32_t* corner = &all.indices[size_t{3} * view.triangle[k]];
+            const float u = view.uv[2 * k], v = view.uv[2 * k + 1];
+            const float weight[3] = {1 - u - v, u, v};
+            for (int c = 0; c < 3; ++c)
+                for (size_t channel = 0; channel < 3; ++channel)
+                    sum[channel] += weight[c] * radiance[size_t{3} * corner[c] + channel];
+        }
+        for (size_t channel = 0; channel < 3; ++channel)
+            image.rgb[pixel * 3 + channel] = sum[channel] / static_cast<float>(view.covered[pixel]);
+    }
+    return image;
+}
+
+Picture finish_view(const View& view, const Image& colored, float exposure, const Image* environment) {
+    Picture picture = tone_map(colored, exposure);
+    Picture background(view.width, view.height);
+    if (environment) {
+        Image seen{view.width, view.height, {}};
+        seen.rgb.resize(colored.rgb.size());
+        for (size_t pixel = 0; pixel < view.covered.size(); ++pixel) {
+            const glm::vec2 at = on_picture(view, static_cast<double>(pixel % view.width) + 0.5,
+                                            static_cast<double>(pixel / view.width) + 0.5);
+            const glm::vec3 direction = through(view.camera, at.x, at.y);
+            sample_latlong(*environment, direction.x, direction.y, direction.z, &seen.rgb[pixel * 3]);
+        }
+        background = tone_map(seen, exposure);
+    } else {
+        constexpr float top[3] = {214, 220, 228}, bottom[3] = {244, 244, 242};
+        for (size_t pixel = 0; pixel < view.covered.size(); ++pixel) {
+            const float t = static_cast<float>(pixel / view.width) / static_cast<float>(view.height);
+            for (size_t channel = 0; channel < 3; ++channel) {
+                background.rgb[pixel * 3 + channel] =
+                    static_cast<uint8_t>(top[channel] + t * (bottom[channel] - top[channel]));
+            }
+        }
+    }
+    // Edges are blended after the film curve: a bright sky doesn't eat into the outline.
+    for (size_t k = 0; k < picture.rgb.size(); ++k) {
+        const unsigned hits = view.covered[k / 3];
+        picture.rgb[k] = static_cast<uint8_t>(
+            (hits * picture.rgb[k] + (samples_per_pixel - hits) * background.rgb[k] + 4) / samples_per_pixel);
+    }
+    return picture;
+}
+
+} // namespace nusselt::tools

@@ -1,0 +1,45 @@
+// Pictures by ray casting: what is seen from the camera, coloured by radiance per vertex. Nothing is lit
+// here.
+#pragma once
+
+#include "tools/image/image.h"
+#include "tools/trace/trace.h"
+
+#include <glm/vec3.hpp>
+
+#include <cstdint>
+#include <vector>
+
+namespace nusselt::tools {
+
+struct Camera {
+    glm::vec3 eye{0};
+    // Unit vectors; `right` and `up` are scaled so that forward + x right + y up with x, y in [-1, 1] spans
+    // the picture.
+    glm::vec3 right{1, 0, 0}, up{0, 1, 0}, forward{0, 0, -1};
+};
+
+// Looks along `direction` from where the whole of `bounds` is seen. `fov` is vertical, in degrees; +y is up
+// unless the direction is vertical.
+Camera frame_camera(const Bounds& bounds, const glm::vec3& direction, float fov, uint32_t width,
+                    uint32_t height);
+
+// What the camera sees: 3 x 3 samples a pixel.
+struct View {
+    uint32_t width = 0, height = 0;
+    Camera camera;
+    std::vector<uint32_t> triangle; // no_triangle: background
+    std::vector<float> uv; // 2 barycentric coordinates a sample, of the triangle's second and third corner
+    std::vector<uint8_t> covered; // samples of each pixel that hit, 0 to 9
+};
+constexpr uint32_t no_triangle = 0xFFFFFFFFu;
+
+View cast_view(const TraceScene& scene, const Camera& camera, uint32_t width, uint32_t height);
+
+// The mean over each pixel's hits of the vertices' radiance (3 floats each); 0 where nothing was hit.
+Image color_view(const View& view, const Assembly& all, const std::vector<float>& radiance);
+
+// Tone-mapped, over the environment, or over a neutral gradient where `environment` is null.
+Picture finish_view(const View& view, const Image& colored, float exposure, const Image* environment);
+
+} // namespace nusselt::tools
