@@ -1,0 +1,215 @@
+#include "clusters.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace nusselt {
+
+namespace {
+
+constexpr uint32_t max_vertices = 64;
+constexpr uint32_t max_edges = 128;
+
+struct Span {
+    uint32_t begin, end, parts;
+};
+
+} // namespace
+
+void split_medians(const Vector<SplitPoint>& points, const SplitOptions& options, Vector<uint32_t>& order,
+                   Vector<uint32_t>& begins) {
+    begins.clear();
+    const uint32_t count = static_cast<uint32_t>(order.size());
+    Vector<Span> stack{HostAllocator<Span>(order.get_allocator())};
+    if (count > 0) stack.push_back({0, count, (count + options.leaf - 1) / options.leaf});
+    while (!stack.empty()) {
+        const Span span = stack.back();
+        stack.pop_back();
+        uint32_t* begin = order.data() + span.begin;
+        uint32_t* end = order.data() + span.end;
+        const uint32_t size = span.end - span.begin;
+        if (span.parts <= 1) {
+            std::sort(begin, end);
+            begins.push_back(span.begin);
+            continue;
+        }
+        float low[6], high[6];
+        std::fill_n(low, 6, std::numeric_limits<float>::max());
+        std::fill_n(high, 6, -std::numeric_limits<float>::max());
+        for (const uint32_t* i = begin; i != end; ++i) {
+            for (int k = 0; k < 6; ++k) {
+                low[k] = std::min(low[k], points[*i].axis[k]);
+                high[k] = std::max(high[k], points[*i].axis[k]);
+            }
+        }
+        const float extent = std::max({high[0] - low[0], high[1] - low[1], high[2] - low[2]});
+        // About the size of a run, were the points spread over a surface of this extent.
+        const float run = extent * std::sqrt(static_cast<float>(options.leaf) / static_cast<float>(size));
+        int widest = 0;
+        float width = -1;
+        for (int k = 0; k < 6; ++k) {
+            const float w = (high[k] - low[k]) * (k < 3 ? 1.0f : options.direction_weight * run);
+            if (w > width) widest = k, width = w;
+        }
+        const uint32_t left_parts = span.parts / 2;
+        const uint32_t left = options.aligned
+                                  ? options.leaf * left_parts
+                                  : static_cast<uint32_t>(uint64_t(size) * left_parts / span.parts);
+        std::nth_element(begin, begin + left, end, [&](uint32_t a, uint32_t b) {
+            const float x = points[a].axis[widest], y = points[b].axis[widest];
+            return x != y ? x < y : a < b;
+        });
+        stack.push_back({span.begin + left, span.end, span.parts - left_parts});
+        stack.push_back({span.begin, span.begin + left, left_parts});
+    }
+    begins.push_back(count);
+}
+
+void partition_triangles(const Vector<uint32_t>& triangles, const Vec3f* positions, uint32_t limit,
+                         Vector<uint32_t>& local_of, Partitioner& p) {
+    const uint32_t count = static_cast<uint32_t>(triangles.size() / 3);
+    p.order.resize(count);
+    p.points.resize(count);
+    for (uint32_t t = 0; t < count; ++t) {
+        const Vec3f a = positions[triangles[3 * t]], b = positions[triangles[3 * t + 1]],
+                    c = positions[triangles[3 * t + 2]];
+        const Vec3f centre = (a + b + c) * (1.0f / 3);
+        const Vec3f n = unit_or_zero(cross(to_double(b) - to_double(a), to_double(c) - to_double(a)));
+        p.points[t] = {{centre.x, centre.y, centre.z, n.x, n.y, n.z}};
+        p.order[t] = t;
+    }
+    SplitOptions options;
+    options.leaf = limit > 8 ? limit - limit / 16 : limit; // room to smooth the cuts
+    split_medians(p.points, options, p.order, p.begins);
+
+    const uint32_t clusters = static_cast<uint32_t>(p.begins.size() - 1);
+    if (clusters < 2) return;
+    p.corners.resize(triangles.size());
+    uint32_t vertices = 0;
+    for (size_t c = 0; c < triangles.size(); ++c) {
+        uint32_t& local = local_of[triangles[c]];
+        if (local == none) local = vertices++;
+        p.corners[c] = local;
+    }
+    for (const uint32_t w : triangles) {
+        local_of[w] = none;
+    }
+    match_edges(p.corners.data(), count, vertices, p.matcher, p.mate);
+    p.cluster_of.resize(count);
+    p.sizes.resize(clusters);
+    for (uint32_t c = 0; c < clusters; ++c) {
+        p.sizes[c] = p.begins[c + 1] - p.begins[c];
+        for (uint32_t i = p.begins[c]; i < p.begins[c + 1]; ++i) {
+            p.cluster_of[p.order[i]] = c;
+        }
+    }
+    // The cuts run zigzag: a triangle goes where more of its neighbours are, if there is room.
+    for (int pass = 0; pass < 4; ++pass) {
+        bool changed = false;
+        for (uint32_t t = 0; t < count; ++t) {
+            const uint32_t own = p.cluster_of[t];
+            uint32_t around[3];
+            uint32_t at_home = 0;
+            for (uint32_t k = 0; k < 3; ++k) {
+                around[k] = p.cluster_of[p.mate[3 * t + k] / 3];
+                at_home += around[k] == own && p.mate[3 * t + k] != 3 * t + k;
+            }
+            for (uint32_t k = 0; k < 3; ++k) {
+                const uint32_t other = around[k];
+                const uint32_t there = static_cast<uint32_t>(std::count(around, around + 3, other));
+                if (other == own || there <= at_home || p.sizes[other] >= limit || p.sizes[own] == 1)
+                    continue;
+                p.cluster_of[t] = other;
+                ++p.sizes[other];
+                --p.sizes[own];
+                changed = true;
+                break;
+            }
+        }
+        if (!changed) break;
+    }
+    p.begins[0] = 0;
+    for (uint32_t c = 0; c < clusters; ++c) {
+        p.begins[c + 1] = p.begins[c] + p.sizes[c];
+        p.sizes[c] = p.begins[c];
+    }
+    for (uint32_t t = 0; t < count; ++t) {
+        p.order[p.sizes[p.cluster_of[t]]++] = t;
+    }
+}
+
+void begin_clusters(Clusters& out) {
+    out.vertex_begin.assign(1, 0);
+    out.edge_begin.assign(1, 0);
+    out.triangle_begin.assign(1, 0);
+}
+
+namespace {
+
+void end_cluster(ClusterKind kind, Clusters& out) {
+    out.vertex_begin.push_back(static_cast<uint32_t>(out.vertices.size()));
+    out.edge_begin.push_back(static_cast<uint32_t>(out.edges.size()));
+    out.triangle_begin.push_back(static_cast<uint32_t>(out.triangles.size()));
+    out.own_group.push_back(kind.own_group);
+    out.parent_group.push_back(no_group);
+    out.two_sided.push_back(kind.two_sided);
+    out.level.push_back(kind.level);
+}
+
+void clear_edges(ClusterWriter& writer, const Clusters& out) {
+    for (size_t e = out.edge_begin.back(); e < out.edges.size(); ++e) {
+        writer.edge_number[out.edges[e].from * 64u + out.edges[e].to] = 0xFF;
+    }
+}
+
+} // namespace
+
+void append_clusters(const Vector<uint32_t>& triangles, const uint32_t* chosen, uint32_t count,
+                     ClusterKind kind, ClusterWriter& writer, Vector<uint32_t>& local_of, Clusters& out) {
+    const auto finish = [&] {
+        clear_edges(writer, out);
+        for (size_t i = out.vertex_begin.back(); i < out.vertices.size(); ++i) {
+            local_of[out.vertices[i]] = none;
+        }
+        end_cluster(kind, out);
+    };
+    for (uint32_t i = 0; i < count; ++i) {
+        const uint32_t* triangle = &triangles[3 * size_t(chosen[i])];
+        uint32_t fresh = 0;
+        for (uint32_t k = 0; k < 3; ++k) {
+            fresh += local_of[triangle[k]] == none;
+        }
+        if (out.vertices.size() - out.vertex_begin.back() + fresh > max_vertices ||
+            out.edges.size() - out.edge_begin.back() + 3 > max_edges) {
+            finish();
+        }
+        ClusterTriangle t = {};
+        for (uint32_t k = 0; k < 3; ++k) {
+            uint32_t& local = local_of[triangle[k]];
+            if (local == none) {
+                local = static_cast<uint32_t>(out.vertices.size() - out.vertex_begin.back());
+                out.vertices.push_back(triangle[k]);
+            }
+            t.corner[k] = static_cast<uint8_t>(local);
+        }
+        for (uint32_t k = 0; k < 3; ++k) {
+            const uint8_t from = t.corner[k], to = t.corner[(k + 1) % 3];
+            uint8_t number = writer.edge_number[from * 64u + to];
+            if (number == 0xFF) {
+                number = writer.edge_number[to * 64u + from];
+                if (number != 0xFF) {
+                    t.flipped = static_cast<uint8_t>(t.flipped | (1u << k));
+                } else {
+                    number = static_cast<uint8_t>(out.edges.size() - out.edge_begin.back());
+                    writer.edge_number[from * 64u + to] = number;
+                    out.edges.push_back({from, to});
+                }
+            }
+            t.edge[k] = number;
+        }
+        out.triangles.push_back(t);
+    }
+    if (out.triangles.size() > out.triangle_begin.back()) finish();
+}
+
+} // namespace nusselt

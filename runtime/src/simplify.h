@@ -1,0 +1,72 @@
+// Edge collapse onto one of the two ends (so every level indexes the same vertices), ordered by quadric error
+// (Garland, Heckbert 1997), with the distance to what was removed measured at each collapse.
+#pragma once
+
+#include "memory.h"
+#include "topology.h"
+#include "vec3.h"
+
+#include <cstdint>
+
+namespace nusselt {
+
+struct Quadric {
+    double xx = 0, yy = 0, zz = 0, xy = 0, xz = 0, yz = 0, x = 0, y = 0, z = 0, c = 0, weight = 0;
+};
+
+// The mesh to simplify, in and out, and scratch memory that is reused from call to call.
+struct Simplifier {
+    Simplifier(const Allocator& a, uint32_t welded_vertices);
+
+    // Welded triples. `source` of a result triangle is the input triangle that it was.
+    Vector<uint32_t> triangles, source;
+    // Removed vertices are kept as points of the triangle that lies nearest, so that the distance is always
+    // to the full mesh: one list a triangle, head here, links in `point_next` (one entry a welded vertex;
+    // `none` ends).
+    Vector<uint32_t> points;
+    Vector<uint32_t> point_next;
+
+    struct HeapEntry {
+        double cost;
+        uint32_t vertex, version;
+    };
+    struct Neighbour {
+        uint32_t vertex, uses; // triangles of the centre vertex that have it
+        double cost;
+    };
+    struct Moved {
+        uint32_t point, triangle;
+    };
+
+    // By welded vertex: its local number during a call.
+    Vector<uint32_t> local_of;
+    // By local vertex.
+    Vector<uint32_t> vertices, head, version, mark;
+    Vector<uint8_t> locked, border, removed;
+    Vector<Quadric> quadrics;
+    Vector<Vec3f> positions;
+    // By corner and triangle.
+    Vector<uint32_t> corners, next, mate;
+    Vector<uint8_t> alive;
+    Vector<HeapEntry> heap;
+    Vector<Neighbour> ring;
+    Vector<uint32_t> fan, common;
+    Vector<Moved> moved;
+    EdgeMatcher matcher;
+    uint32_t stamp = 0;
+};
+
+struct SimplifyOptions {
+    uint32_t target_triangles = 0;
+    float max_error =
+        3.4e38f;         // a collapse that would move a removed vertex farther from the surface is not done
+    bool measure = true; // false: no points, no error
+};
+
+// Stops at the target or when nothing may collapse any more. Vertices for which `locked` (by welded vertex;
+// may be null) is set stay, as do non-manifold ones; borders collapse along themselves. A manifold mesh stays
+// manifold: no edge comes up between two locked vertices, so that neighbours simplified apart agree. Returns
+// the largest distance of a removed vertex (earlier calls' points included) to the result.
+float simplify(Simplifier& s, const Vec3f* positions, const uint8_t* locked, const SimplifyOptions& options);
+
+} // namespace nusselt
