@@ -1,5 +1,6 @@
-// Which instruction sets this processor and its operating system really run. Our own cpuid, so that nothing of the
-// SIMD library's dispatch is linked and no global state is shared with another user of it in the process.
+// Which instruction sets this processor and its operating system really run. Our own cpuid, so that nothing
+// of the SIMD library's dispatch is linked and no global state is shared with another user of it in the
+// process.
 #include "kernels/kernels.h"
 #include "kernels/reference.h"
 #include "kernels/simd.h"
@@ -38,11 +39,14 @@ Features detect() {
     uint32_t xa, xb, xc = 0, xd;
     if (!__get_cpuid(0x80000001u, &xa, &xb, &xc, &xd)) return f;
     f.avx2 = (state & 6) == 6 && avx && fma && f16c && bit(xc, 5) && bit(eb, 3) && bit(eb, 5) && bit(eb, 8);
-    f.avx512 = f.avx2 && (state & 0xE6) == 0xE6 && bit(eb, 16) && bit(eb, 17) && bit(eb, 28) && bit(eb, 30) && bit(eb, 31);
+    f.avx512 = f.avx2 && (state & 0xE6) == 0xE6 && bit(eb, 16) && bit(eb, 17) && bit(eb, 28) && bit(eb, 30) &&
+               bit(eb, 31);
     return f;
 }
 #else
-Features detect() { return {}; }
+Features detect() {
+    return {};
+}
 #endif
 
 } // namespace
@@ -50,10 +54,14 @@ Features detect() { return {}; }
 const Kernels* kernels_for(Set set) {
     static const Features features = detect();
     switch (set) {
-    case Set::scalar: return &reference_kernels;
-    case Set::sse4: return features.sse4 ? sse4_kernels() : nullptr;
-    case Set::avx2: return features.avx2 ? avx2_kernels() : nullptr;
-    case Set::avx512: return features.avx512 ? avx512_kernels() : nullptr;
+    case Set::scalar:
+        return &reference_kernels;
+    case Set::sse4:
+        return features.sse4 ? sse4_kernels() : nullptr;
+    case Set::avx2:
+        return features.avx2 ? avx2_kernels() : nullptr;
+    case Set::avx512:
+        return features.avx512 ? avx512_kernels() : nullptr;
     }
     return nullptr;
 }

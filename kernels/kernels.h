@@ -1,5 +1,5 @@
-// The kernels: pure functions on arrays, one table of them an instruction set. No threads, no allocation, no mesh.
-// Every table gives the same bits; `scalar` is the reference, obvious and never improved.
+// The kernels: pure functions on arrays, one table of them an instruction set. No threads, no allocation, no
+// mesh. Every table gives the same bits; `scalar` is the reference, obvious and never improved.
 //
 // "Lanes" below: arrays of 16, one entry a receiver of the batch. All arrays are aligned to 64 bytes.
 #pragma once
@@ -17,29 +17,30 @@ struct ReceiverBounds {
     float cone[3], cone_cos, cone_sin; // cone_cos -1: wider than a right angle, of no use
 };
 
-// Sixteen receivers. Positions and everything else in the frame's own space: recentred and scaled by a power of two
-// so that the group's extent is near 1.
+// Sixteen receivers. Positions and everything else in the frame's own space: recentred and scaled by a power
+// of two so that the group's extent is near 1.
 struct alignas(64) Batch {
     float position[3][lanes];
     float axis[3][3][lanes]; // rows t, b, n of the tangent frame: local = axis * (point - position)
-    uint32_t valid; // bit a lane: receiver present, position and normal finite, normal not zero
+    uint32_t valid;          // bit a lane: receiver present, position and normal finite, normal not zero
     ReceiverBounds bounds;
 };
 
-// Builds the tangent frames from normals (lanes; need not be unit) and the bounds. `valid` on entry: lanes present.
-// n = normal / |normal|; t = (cos a cos p, cos a sin p, -sin a), b = (-sin p, cos p, 0) with n's polar angles a, p;
-// so the rotation to the caller's space is Rz(p) Ry(a), without a third angle.
+// Builds the tangent frames from normals (lanes; need not be unit) and the bounds. `valid` on entry: lanes
+// present. n = normal / |normal|; t = (cos a cos p, cos a sin p, -sin a), b = (-sin p, cos p, 0) with n's
+// polar angles a, p; so the rotation to the caller's space is Rz(p) Ry(a), without a third angle.
 using PrepareBatch = void (*)(Batch& batch, const float normal[3][lanes]);
 
-// Bounds of clusters and of groups of clusters in a frame; one array a component, `count` entries and readable up to
-// the next multiple of 16.
+// Bounds of clusters and of groups of clusters in a frame; one array a component, `count` entries and
+// readable up to the next multiple of 16.
 struct ClusterBounds {
     const float* centre[3];
     const float* radius;
-    const float* cone[3];   // axis of the normals
-    const float* cone_cos;  // -1 where the cone is of no use (wide, degenerate, or the cluster blocks from both sides)
+    const float* cone[3]; // axis of the normals
+    const float*
+        cone_cos; // -1 where the cone is of no use (wide, degenerate, or the cluster blocks from both sides)
     const float* cone_sin;
-    const uint32_t* own_group;    // into `accepted`, see select_clusters
+    const uint32_t* own_group; // into `accepted`, see select_clusters
     const uint32_t* parent_group;
     uint32_t count;
 };
@@ -50,17 +51,19 @@ struct GroupBounds {
     uint32_t count;
 };
 
-// Which simplifications are fine enough: accepted[g] = 1 where error <= angle * distance, 0 elsewhere. Distance is from
-// the centre of `receivers` to the group's sphere, less `radius`: the receivers' own for a batch; for a region of
-// batches their radius for "all batches accept", its negative for "some batch may accept".
-// accepted[count] = 1 (the full mesh) and accepted[count + 1] = 0 (what nothing replaces); room for 32 entries more.
-using AcceptGroups = void (*)(const ReceiverBounds& receivers, float radius, const GroupBounds& groups, float angle,
-                              uint8_t* accepted);
+// Which simplifications are fine enough: accepted[g] = 1 where error <= angle * distance, 0 elsewhere.
+// Distance is from the centre of `receivers` to the group's sphere, less `radius`: the receivers' own for a
+// batch; for a region of batches their radius for "all batches accept", its negative for "some batch may
+// accept". accepted[count] = 1 (the full mesh) and accepted[count + 1] = 0 (what nothing replaces); room for
+// 32 entries more.
+using AcceptGroups = void (*)(const ReceiverBounds& receivers, float radius, const GroupBounds& groups,
+                              float angle, uint8_t* accepted);
 
-// The clusters of the cut (own_accepted[own group] and not parent_accepted[parent group]) that can reach the receivers'
-// hemispheres: not wholly below the elevation `horizon` (tangent of the angle above the tangent plane), not wholly
-// back-facing. Conservative. Looks at `candidates` (null: all clusters, `candidate_count` of them), keeps their order,
-// writes up to candidate_count + 16 numbers to `selected`; returns how many. *tested += the clusters of the cut.
+// The clusters of the cut (own_accepted[own group] and not parent_accepted[parent group]) that can reach the
+// receivers' hemispheres: not wholly below the elevation `horizon` (tangent of the angle above the tangent
+// plane), not wholly back-facing. Conservative. Looks at `candidates` (null: all clusters, `candidate_count`
+// of them), keeps their order, writes up to candidate_count + 16 numbers to `selected`; returns how many.
+// *tested += the clusters of the cut.
 using SelectClusters = uint32_t (*)(const ReceiverBounds& receivers, const ClusterBounds& clusters,
                                     const uint8_t* own_accepted, const uint8_t* parent_accepted,
                                     const uint32_t* candidates, uint32_t candidate_count, float horizon,
@@ -100,10 +103,10 @@ struct alignas(64) ClusterScratch {
     uint32_t entry[cluster_edges][lanes];
 };
 
-// Adds the jobs of a cluster: transforms its vertices to each receiver's tangent frame, culls triangles by facing and
-// by the elevation `horizon`, finds the planes of the edges that are left. Triangles that touch the receiver have an
-// edge of length zero there and fall out; so do those whose plane contains it (within 1e-6 of the cluster's distance).
-// `points` holds 4 floats a welded vertex.
+// Adds the jobs of a cluster: transforms its vertices to each receiver's tangent frame, culls triangles by
+// facing and by the elevation `horizon`, finds the planes of the edges that are left. Triangles that touch
+// the receiver have an edge of length zero there and fall out; so do those whose plane contains it (within
+// 1e-6 of the cluster's distance). `points` holds 4 floats a welded vertex.
 using ClusterJobs = void (*)(const Batch& batch, const ClusterView& cluster, const float* points,
                              const MaskLayout& layout, float horizon, ClusterScratch& scratch, JobList& jobs,
                              Counters& counters);
@@ -114,8 +117,8 @@ using TriangleJobs = void (*)(const Batch& batch, const float corners[3][3][lane
                               uint32_t two_sided, const MaskLayout& layout, float horizon, JobList& jobs,
                               Counters& counters);
 
-// Adds what incident triangle (receiver, a, b) hides below itself: the spherical triangle (a, b, nadir), the part of
-// the hemisphere under the arc from a to b. corners[0] = a, corners[1] = b in frame space.
+// Adds what incident triangle (receiver, a, b) hides below itself: the spherical triangle (a, b, nadir), the
+// part of the hemisphere under the arc from a to b. corners[0] = a, corners[1] = b in frame space.
 using FanJobs = void (*)(const Batch& batch, const float corners[2][3][lanes], uint32_t active,
                          const MaskLayout& layout, JobList& jobs, Counters& counters);
 
@@ -133,8 +136,8 @@ using Rotate = void (*)(const Batch& batch, const float local[25][lanes], float 
 // Blocked bits of each 4x4 block: counts[block], 0 to 16.
 using Downsample = void (*)(const uint8_t* mask, uint32_t blocks, uint8_t* counts);
 
-// rgb[3 i + channel] = sum over terms of light[term * 3 + channel] * transfer[i][term], in the order of the terms.
-// `stride` bytes between transfer vectors.
+// rgb[3 i + channel] = sum over terms of light[term * 3 + channel] * transfer[i][term], in the order of the
+// terms. `stride` bytes between transfer vectors.
 using Shade = void (*)(const float light[75], const float* transfer, size_t stride, size_t count, float* rgb);
 
 // The 25 basis functions of `count` unit directions: out[term * count + i].
@@ -166,10 +169,11 @@ const Kernels* kernels_for(Set set);
 void build_plane_table(const MaskLayout& layout, uint32_t first_cell, uint32_t end_cell, uint8_t* planes);
 void build_weights(const MaskLayout& layout, int16_t* nibbles, int16_t* blocks, int16_t* total, float* scale,
                    float* block_weights);
-// The sample direction of a bit (block-ordered as in the mask), in the tangent frame. False: the cell is unused.
+// The sample direction of a bit (block-ordered as in the mask), in the tangent frame. False: the cell is
+// unused.
 bool sample_direction(const MaskLayout& layout, uint32_t bit, double direction[3]);
-// The tangent of the elevation below which no sample lies, less the table's angular error: culling below it is
-// invisible.
+// The tangent of the elevation below which no sample lies, less the table's angular error: culling below it
+// is invisible.
 float horizon_tangent(const MaskLayout& layout);
 
 } // namespace nusselt::kernels

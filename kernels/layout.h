@@ -15,7 +15,8 @@ constexpr uint32_t cluster_triangles = 64;
 // Where the sample points lie.
 enum class SampleMap : uint32_t {
     disk_grid,  // the paper: a square grid around the unit disk, cells outside it unused
-    concentric, // Shirley and Chiu's map of the square to the disk: every cell has the same cosine-weighted solid angle
+    concentric, // Shirley and Chiu's map of the square to the disk: every cell has the same cosine-weighted
+                // solid angle
 };
 
 // How a plane through the receiver finds its cell of the table.
@@ -24,8 +25,8 @@ enum class PlaneMap : uint32_t {
     cube,       // the paper: six faces, the whole sphere
 };
 
-// A mask of side * side bits in 4x4 blocks of 16 bits, row by row. It is worked on in two halves, y < 0 and y > 0,
-// each of which is a whole number of cache lines.
+// A mask of side * side bits in 4x4 blocks of 16 bits, row by row. It is worked on in two halves, y < 0 and y
+// > 0, each of which is a whole number of cache lines.
 struct MaskLayout {
     SampleMap samples;
     PlaneMap planes;
@@ -33,43 +34,57 @@ struct MaskLayout {
     uint32_t plane_cells; // cells along a side of the square (octahedral) or of a face (cube); a power of two
 };
 
-constexpr uint32_t mask_bits(const MaskLayout& l) { return l.side * l.side; }
-constexpr uint32_t mask_bytes(const MaskLayout& l) { return mask_bits(l) / 8; }
-constexpr uint32_t mask_blocks(const MaskLayout& l) { return mask_bits(l) / 16; }
+constexpr uint32_t mask_bits(const MaskLayout& l) {
+    return l.side * l.side;
+}
+constexpr uint32_t mask_bytes(const MaskLayout& l) {
+    return mask_bits(l) / 8;
+}
+constexpr uint32_t mask_blocks(const MaskLayout& l) {
+    return mask_bits(l) / 16;
+}
 constexpr uint32_t table_cells(const MaskLayout& l) {
     return l.plane_cells * l.plane_cells * (l.planes == PlaneMap::cube ? 6 : 1);
 }
-constexpr size_t plane_table_bytes(const MaskLayout& l) { return size_t(table_cells(l)) * mask_bytes(l); }
+constexpr size_t plane_table_bytes(const MaskLayout& l) {
+    return size_t(table_cells(l)) * mask_bytes(l);
+}
 
-// A plane's entry as jobs carry it: byte offset of its cell, with the low bits free. `entry_complement` turns it into
-// the opposite half-space: bit 0 asks for the complement (octahedral), or the opposite cell of the opposite face
-// (cube). `entry_invalid` marks a plane that is none (an edge of length zero as seen from the receiver, or not
-// finite); the triangle is then left out.
+// A plane's entry as jobs carry it: byte offset of its cell, with the low bits free. `entry_complement` turns
+// it into the opposite half-space: bit 0 asks for the complement (octahedral), or the opposite cell of the
+// opposite face (cube). `entry_invalid` marks a plane that is none (an edge of length zero as seen from the
+// receiver, or not finite); the triangle is then left out.
 constexpr uint32_t entry_invalid = 2;
-constexpr uint32_t cell_shift(const MaskLayout& l) { return l.side == 32 ? 7 : 9; }
+constexpr uint32_t cell_shift(const MaskLayout& l) {
+    return l.side == 32 ? 7 : 9;
+}
 constexpr uint32_t entry_complement(const MaskLayout& l) {
-    return l.planes == PlaneMap::octahedral
-               ? 1u
-               : (2 * l.plane_cells * l.plane_cells - 1) << cell_shift(l);
+    return l.planes == PlaneMap::octahedral ? 1u : (2 * l.plane_cells * l.plane_cells - 1) << cell_shift(l);
 }
 
 constexpr MaskLayout paper_layout{SampleMap::disk_grid, PlaneMap::cube, 32, 128};
 constexpr MaskLayout standard_layout{SampleMap::concentric, PlaneMap::octahedral, 32, 128};
+constexpr MaskLayout fine_layout{SampleMap::concentric, PlaneMap::octahedral, 64, 128};
 
 // Integration tables of one layout; all sizes in elements.
-constexpr size_t nibble_table_size(const MaskLayout& l) { return size_t(mask_blocks(l)) * 4 * 16 * sh_columns; }
-constexpr size_t block_table_size(const MaskLayout& l) { return size_t(mask_blocks(l)) * sh_columns; }
+constexpr size_t nibble_table_size(const MaskLayout& l) {
+    return size_t(mask_blocks(l)) * 4 * 16 * sh_columns;
+}
+constexpr size_t block_table_size(const MaskLayout& l) {
+    return size_t(mask_blocks(l)) * sh_columns;
+}
 
 // What kernels read; the memory belongs to the runtime. Everything aligned to 64 bytes.
 struct Tables {
     MaskLayout layout{};
-    const uint8_t* planes = nullptr;    // table_cells masks: bit set where n.d >= 0, n the cell's centre
-    const int16_t* nibbles = nullptr;   // [block][row][pattern of 4 bits][column]: their weights, scaled
-    const int16_t* blocks = nullptr;    // [block][column]: weight of all 16 bits, the sum of the four full rows
-    const int16_t* total = nullptr;     // [column]: sum over all blocks
-    const float* scale = nullptr;       // [column]: transfer = integer * scale
-    const float* block_weights = nullptr; // [block][column]: mean weight of its used bits (4x4 integration, paper);
-                                          // one more row at the end: the sum over all bits
+    const uint8_t* planes = nullptr;  // table_cells masks: bit set where n.d >= 0, n the cell's centre
+    const int16_t* nibbles = nullptr; // [block][row][pattern of 4 bits][column]: their weights, scaled
+    const int16_t* blocks = nullptr;  // [block][column]: weight of all 16 bits, the sum of the four full rows
+    const int16_t* total = nullptr;   // [column]: sum over all blocks
+    const float* scale = nullptr;     // [column]: transfer = integer * scale
+    const float* block_weights = nullptr; // [block][column]: mean weight of its used bits (4x4 integration,
+                                          // paper); one more row at the end: the sum over all bits
+    float horizon = 0; // horizon_tangent of the layout
 };
 
 } // namespace nusselt::kernels

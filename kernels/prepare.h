@@ -8,7 +8,9 @@
 
 namespace nusselt::kernels {
 
-inline bool is_finite(float value) { return std::fabs(value) <= FLT_MAX; }
+inline bool is_finite(float value) {
+    return std::fabs(value) <= FLT_MAX;
+}
 
 inline void prepare_lane(Batch& batch, const float normal[3][lanes], uint32_t lane) {
     float x = normal[0][lane], y = normal[1][lane], z = normal[2][lane];
@@ -79,7 +81,8 @@ inline void prepare_bounds(Batch& batch) {
     bounds.radius = std::sqrt(far);
     // Beyond a right angle the bound by one cone says nothing; -1 takes in every direction.
     bounds.cone_cos = least > 0 ? least : -1.0f;
-    bounds.cone_sin = std::sqrt(bounds.cone_cos * bounds.cone_cos < 1 ? 1 - bounds.cone_cos * bounds.cone_cos : 0.0f);
+    bounds.cone_sin =
+        std::sqrt(bounds.cone_cos * bounds.cone_cos < 1 ? 1 - bounds.cone_cos * bounds.cone_cos : 0.0f);
 }
 
 inline void prepare_batch(Batch& batch, const float normal[3][lanes]) {

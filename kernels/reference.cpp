@@ -1,5 +1,5 @@
-// The scalar reference of every kernel: the oracle of the tests and the fallback where there is no SIMD. Obvious, and
-// never improved.
+// The scalar reference of every kernel: the oracle of the tests and the fallback where there is no SIMD.
+// Obvious, and never improved.
 #include "kernels/reference.h"
 
 #include "kernels/prepare.h"
@@ -29,7 +29,8 @@ uint32_t clamp_cell(float value, uint32_t cells) {
     return uint32_t(value < 0 ? 0 : value > top ? top : value);
 }
 
-// The table's entry for the half-space n.d <= 0, n the plane's normal: inside, for a front-facing triangle's edges.
+// The table's entry for the half-space n.d <= 0, n the plane's normal: inside, for a front-facing triangle's
+// edges.
 uint32_t plane_entry(const MaskLayout& layout, const Vec& n) {
     const uint32_t cells = layout.plane_cells;
     const float half = float(cells / 2);
@@ -40,7 +41,8 @@ uint32_t plane_entry(const MaskLayout& layout, const Vec& n) {
         const bool below = std::signbit(n.z);
         const float x = below ? -n.x : n.x, y = below ? -n.y : n.y;
         const float scale = half / sum;
-        const uint32_t u = clamp_cell((x + y) * scale + half, cells), v = clamp_cell((x - y) * scale + half, cells);
+        const uint32_t u = clamp_cell((x + y) * scale + half, cells),
+                       v = clamp_cell((x - y) * scale + half, cells);
         return ((v * cells + u) << cell_shift(layout)) | (below ? 0u : 1u);
     }
     // The paper's cube map. The half-space n.d <= 0 is that of -n, the opposite cell of the opposite face.
@@ -74,10 +76,12 @@ Horizon horizon_towards(float tangent, const Vec& local) {
     return {tangent * (local.x / across), tangent * (local.y / across)};
 }
 
-float larger(float a, float b) { return a > b ? a : b; }
+float larger(float a, float b) {
+    return a > b ? a : b;
+}
 
-// Below the tangent plane, or below a plane through the receiver that rises to the horizon's elevation: either way no
-// sample point is covered.
+// Below the tangent plane, or below a plane through the receiver that rises to the horizon's elevation:
+// either way no sample point is covered.
 bool above_horizon(const Horizon& h, const Vec& a, const Vec& b, const Vec& c) {
     const float height = larger(larger(a.z, b.z), c.z);
     const float over = larger(larger(a.z - (h.x * a.x + h.y * a.y), b.z - (h.x * b.x + h.y * b.y)),
@@ -85,8 +89,8 @@ bool above_horizon(const Horizon& h, const Vec& a, const Vec& b, const Vec& c) {
     return height > 0 && over > 0;
 }
 
-void add_jobs(const MaskLayout& layout, const uint32_t entry[3][lanes], const Vec corner[3][lanes], uint32_t active,
-              JobList& jobs) {
+void add_jobs(const MaskLayout& layout, const uint32_t entry[3][lanes], const Vec corner[3][lanes],
+              uint32_t active, JobList& jobs) {
     const uint32_t bytes = mask_bytes(layout);
     for (uint32_t half = 0; half < 2; ++half) {
         for (uint32_t lane = 0; lane < lanes; ++lane) {
@@ -113,7 +117,8 @@ uint32_t bit_count(uint32_t value) {
 void accept_groups(const ReceiverBounds& receivers, float radius, const GroupBounds& groups, float angle,
                    uint8_t* accepted) {
     for (uint32_t g = 0; g < groups.count; ++g) {
-        const float x = groups.centre[0][g] - receivers.centre[0], y = groups.centre[1][g] - receivers.centre[1],
+        const float x = groups.centre[0][g] - receivers.centre[0],
+                    y = groups.centre[1][g] - receivers.centre[1],
                     z = groups.centre[2][g] - receivers.centre[2];
         const float distance = std::sqrt(x * x + y * y + z * z) - (groups.radius[g] + radius);
         accepted[g] = groups.error[g] <= angle * larger(distance, 0);
@@ -122,8 +127,10 @@ void accept_groups(const ReceiverBounds& receivers, float radius, const GroupBou
     accepted[groups.count + 1] = 0;
 }
 
-bool cluster_reaches(const ReceiverBounds& receivers, const ClusterBounds& clusters, uint32_t c, float horizon) {
-    const float x = clusters.centre[0][c] - receivers.centre[0], y = clusters.centre[1][c] - receivers.centre[1],
+bool cluster_reaches(const ReceiverBounds& receivers, const ClusterBounds& clusters, uint32_t c,
+                     float horizon) {
+    const float x = clusters.centre[0][c] - receivers.centre[0],
+                y = clusters.centre[1][c] - receivers.centre[1],
                 z = clusters.centre[2][c] - receivers.centre[2];
     const float square = x * x + y * y + z * z;
     // A little more than the spheres: the tests' own rounding must not cull.
@@ -140,9 +147,10 @@ bool cluster_reaches(const ReceiverBounds& receivers, const ClusterBounds& clust
     return !(low && receivers.cone_cos > 0) && !(back && clusters.cone_cos[c] > 0);
 }
 
-uint32_t select_clusters(const ReceiverBounds& receivers, const ClusterBounds& clusters, const uint8_t* own_accepted,
-                         const uint8_t* parent_accepted, const uint32_t* candidates, uint32_t candidate_count,
-                         float horizon, uint32_t* selected, uint64_t* tested) {
+uint32_t select_clusters(const ReceiverBounds& receivers, const ClusterBounds& clusters,
+                         const uint8_t* own_accepted, const uint8_t* parent_accepted,
+                         const uint32_t* candidates, uint32_t candidate_count, float horizon,
+                         uint32_t* selected, uint64_t* tested) {
     uint32_t count = 0;
     for (uint32_t i = 0; i < candidate_count; ++i) {
         const uint32_t c = candidates ? candidates[i] : i;
@@ -153,8 +161,9 @@ uint32_t select_clusters(const ReceiverBounds& receivers, const ClusterBounds& c
     return count;
 }
 
-void cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* points, const MaskLayout& layout,
-                  float horizon, ClusterScratch&, JobList& jobs, Counters& counters) {
+void cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* points,
+                  const MaskLayout& layout, float horizon, ClusterScratch&, JobList& jobs,
+                  Counters& counters) {
     float margin[lanes];
     Horizon towards[lanes];
     for (uint32_t lane = 0; lane < lanes; ++lane) {
@@ -202,8 +211,8 @@ void cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* p
 }
 
 // The three planes of a free triangle; `inner` tells the lanes in which it is seen from behind.
-uint32_t free_entries(const MaskLayout& layout, const Vec& a, const Vec& b, const Vec& c, bool behind, uint32_t lane,
-                      uint32_t entry[3][lanes]) {
+uint32_t free_entries(const MaskLayout& layout, const Vec& a, const Vec& b, const Vec& c, bool behind,
+                      uint32_t lane, uint32_t entry[3][lanes]) {
     const Vec normals[3] = {cross(a, b), cross(b, c), cross(c, a)};
     for (uint32_t k = 0; k < 3; ++k) {
         const uint32_t e = plane_entry(layout, normals[k]);
@@ -221,7 +230,8 @@ void triangle_jobs(const Batch& batch, const float corners[3][3][lanes], uint32_
     for (uint32_t lane = 0; lane < lanes; ++lane) {
         if (!(active >> lane & 1)) continue;
         for (uint32_t k = 0; k < 3; ++k)
-            corner[k][lane] = to_local(batch, lane, {corners[k][0][lane], corners[k][1][lane], corners[k][2][lane]});
+            corner[k][lane] =
+                to_local(batch, lane, {corners[k][0][lane], corners[k][1][lane], corners[k][2][lane]});
         const Vec a = corner[0][lane], b = corner[1][lane], c = corner[2][lane];
         const Vec ab = cross(a, b);
         const float volume = ab.x * c.x + ab.y * c.y + ab.z * c.z;
@@ -316,8 +326,8 @@ void integrate_bits(const Tables& tables, const uint8_t* mask, float sum[sh_colu
         sum[i] = float(int16_t(integer[i])) * tables.scale[i];
 }
 
-void integrate(const Tables& tables, const uint8_t* masks, uint32_t valid, bool per_block, float local[25][lanes],
-               Counters& counters) {
+void integrate(const Tables& tables, const uint8_t* masks, uint32_t valid, bool per_block,
+               float local[25][lanes], Counters& counters) {
     const uint32_t bytes = mask_bytes(tables.layout);
     for (uint32_t lane = 0; lane < lanes; ++lane) {
         float sum[sh_columns] = {};
@@ -343,8 +353,8 @@ void rotate(const Batch& batch, const float local[25][lanes], float out[25][lane
         float in[25], turned[25];
         for (uint32_t i = 0; i < 25; ++i)
             in[i] = local[i][lane];
-        sh_rotate_zy(Constant(), batch.axis[2][2][lane], 0.0f - batch.axis[0][2][lane], batch.axis[1][1][lane],
-                     0.0f - batch.axis[1][0][lane], in, turned);
+        sh_rotate_zy(Constant(), batch.axis[2][2][lane], 0.0f - batch.axis[0][2][lane],
+                     batch.axis[1][1][lane], 0.0f - batch.axis[1][0][lane], in, turned);
         for (uint32_t i = 0; i < 25; ++i)
             out[i][lane] = batch.valid >> lane & 1 ? turned[i] : 0.0f;
     }
@@ -373,8 +383,8 @@ void evaluate_sh(const float* x, const float* y, const float* z, size_t count, f
 
 } // namespace
 
-const Kernels reference_kernels = {"scalar",  prepare_batch, accept_groups, select_clusters, cluster_jobs,
-                                   triangle_jobs, fan_jobs,  run_jobs,      integrate,       rotate,
-                                   downsample, shade,       evaluate_sh};
+const Kernels reference_kernels = {"scalar",      prepare_batch, accept_groups, select_clusters, cluster_jobs,
+                                   triangle_jobs, fan_jobs,      run_jobs,      integrate,       rotate,
+                                   downsample,    shade,         evaluate_sh};
 
 } // namespace nusselt::kernels

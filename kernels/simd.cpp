@@ -1,8 +1,8 @@
 // The SIMD kernels: one source, compiled for SSE4, AVX2 and AVX-512, each bit for bit equal to reference.cpp.
 // Products and sums are never fused and divisions are exact; only then do all widths agree.
 // A batch's 16 lanes are worked on in chunks of the register's width.
-#include "kernels/prepare.h"
 #include "kernels/simd.h"
+#include "kernels/prepare.h"
 
 #include <cstring>
 
@@ -38,7 +38,9 @@ struct Constant {
     V operator()(double value) const { return hn::Set(df, static_cast<float>(value)); }
 };
 
-HWY_INLINE V constant(float value) { return hn::Set(df, value); }
+HWY_INLINE V constant(float value) {
+    return hn::Set(df, value);
+}
 
 HWY_INLINE uint32_t bits_of(M mask) {
     uint8_t bytes[8] = {};
@@ -67,7 +69,9 @@ HWY_INLINE V dot(V ax, V ay, V az, V bx, V by, V bz) {
 }
 
 // As a > b ? a : b; the instruction also answers b where either is not a number.
-HWY_INLINE V larger(V a, V b) { return hn::Max(a, b); }
+HWY_INLINE V larger(V a, V b) {
+    return hn::Max(a, b);
+}
 
 struct Chunk {
     V position[3];
@@ -126,8 +130,9 @@ HWY_INLINE U plane_entry(const MaskLayout& layout, const Vec3& n) {
         const V scale = hn::Div(half, size);
         const U u = cell_index(hn::Add(hn::Mul(first, scale), half), top);
         const U v = cell_index(hn::Add(hn::Mul(second, scale), half), top);
-        const U axis = hn::IfThenElse(hn::RebindMask(du, on_x), hn::Zero(du),
-                                      hn::IfThenElse(hn::RebindMask(du, y_over_z), hn::Set(du, 1), hn::Set(du, 2)));
+        const U axis =
+            hn::IfThenElse(hn::RebindMask(du, on_x), hn::Zero(du),
+                           hn::IfThenElse(hn::RebindMask(du, y_over_z), hn::Set(du, 1), hn::Set(du, 2)));
         const U face = hn::Add(hn::Add(axis, axis), hn::ShiftRight<31>(hn::BitCast(du, major)));
         const U cell = hn::Add(hn::Mul(hn::Add(hn::Mul(face, cells), v), cells), u);
         const U entry = hn::Xor(hn::ShiftLeftSame(cell, shift), hn::Set(du, entry_complement(layout)));
@@ -166,7 +171,8 @@ HWY_INLINE void add_jobs(const MaskLayout& layout, const U entry[3], V low, V hi
                          JobList& jobs) {
     const uint32_t bytes = mask_bytes(layout);
     const U destination = hn::Mul(hn::Add(hn::Iota(du, lane), hn::Zero(du)), hn::Set(du, bytes));
-    const M below = hn::And(active, hn::Lt(low, hn::Zero(df))), above = hn::And(active, hn::Gt(high, hn::Zero(df)));
+    const M below = hn::And(active, hn::Lt(low, hn::Zero(df))),
+            above = hn::And(active, hn::Gt(high, hn::Zero(df)));
     append(entry, destination, 0, below, jobs);
     append(entry, destination, bytes / 2, above, jobs);
 }
@@ -176,18 +182,24 @@ HWY_INLINE M valid_entries(const U entry[3]) {
     return hn::RebindMask(df, hn::Eq(any, hn::Zero(du)));
 }
 
-void prepare_batch(Batch& batch, const float normal[3][lanes]) { kernels::prepare_batch(batch, normal); }
+void prepare_batch(Batch& batch, const float normal[3][lanes]) {
+    kernels::prepare_batch(batch, normal);
+}
 
 void accept_groups(const ReceiverBounds& receivers, float radius, const GroupBounds& groups, float angle,
                    uint8_t* accepted) {
     const hn::Rebind<uint8_t, Int> bytes;
-    const V cx = constant(receivers.centre[0]), cy = constant(receivers.centre[1]), cz = constant(receivers.centre[2]);
+    const V cx = constant(receivers.centre[0]), cy = constant(receivers.centre[1]),
+            cz = constant(receivers.centre[2]);
     const V r = constant(radius), slope = constant(angle);
     for (uint32_t g = 0; g < groups.count; g += width) {
-        const V x = hn::Sub(hn::LoadU(df, groups.centre[0] + g), cx), y = hn::Sub(hn::LoadU(df, groups.centre[1] + g), cy),
+        const V x = hn::Sub(hn::LoadU(df, groups.centre[0] + g), cx),
+                y = hn::Sub(hn::LoadU(df, groups.centre[1] + g), cy),
                 z = hn::Sub(hn::LoadU(df, groups.centre[2] + g), cz);
-        const V distance = hn::Sub(hn::Sqrt(dot(x, y, z, x, y, z)), hn::Add(hn::LoadU(df, groups.radius + g), r));
-        const M fine = hn::Le(hn::LoadU(df, groups.error + g), hn::Mul(slope, larger(distance, hn::Zero(df))));
+        const V distance =
+            hn::Sub(hn::Sqrt(dot(x, y, z, x, y, z)), hn::Add(hn::LoadU(df, groups.radius + g), r));
+        const M fine =
+            hn::Le(hn::LoadU(df, groups.error + g), hn::Mul(slope, larger(distance, hn::Zero(df))));
         const auto one = hn::IfThenElseZero(hn::RebindMask(di, fine), hn::Set(di, 1));
         hn::StoreU(hn::DemoteTo(bytes, one), bytes, accepted + g);
     }
@@ -195,9 +207,10 @@ void accept_groups(const ReceiverBounds& receivers, float radius, const GroupBou
     accepted[groups.count + 1] = 0;
 }
 
-uint32_t select_clusters(const ReceiverBounds& receivers, const ClusterBounds& clusters, const uint8_t* own_accepted,
-                         const uint8_t* parent_accepted, const uint32_t* candidates, uint32_t candidate_count,
-                         float horizon, uint32_t* selected, uint64_t* tested) {
+uint32_t select_clusters(const ReceiverBounds& receivers, const ClusterBounds& clusters,
+                         const uint8_t* own_accepted, const uint8_t* parent_accepted,
+                         const uint32_t* candidates, uint32_t candidate_count, float horizon,
+                         uint32_t* selected, uint64_t* tested) {
     uint32_t cut = 0;
     for (uint32_t i = 0; i < candidate_count; ++i) {
         const uint32_t c = candidates ? candidates[i] : i;
@@ -205,7 +218,8 @@ uint32_t select_clusters(const ReceiverBounds& receivers, const ClusterBounds& c
         cut += own_accepted[clusters.own_group[c]] & ~parent_accepted[clusters.parent_group[c]] & 1u;
     }
     *tested += cut;
-    const V rx = constant(receivers.centre[0]), ry = constant(receivers.centre[1]), rz = constant(receivers.centre[2]);
+    const V rx = constant(receivers.centre[0]), ry = constant(receivers.centre[1]),
+            rz = constant(receivers.centre[2]);
     const V cone_cos = constant(receivers.cone_cos), cone_sin = constant(receivers.cone_sin);
     const V slope = constant(std::sqrt(1 + horizon * horizon)), tangent = constant(horizon);
     const M narrow = hn::Gt(cone_cos, hn::Zero(df));
@@ -218,9 +232,11 @@ uint32_t select_clusters(const ReceiverBounds& receivers, const ClusterBounds& c
         const V x = hn::Sub(gather(clusters.centre[0]), rx), y = hn::Sub(gather(clusters.centre[1]), ry),
                 z = hn::Sub(gather(clusters.centre[2]), rz);
         const V square = dot(x, y, z, x, y, z);
-        const V reach = hn::Add(hn::Mul(hn::Add(gather(clusters.radius), constant(receivers.radius)), constant(1.00001f)),
-                                hn::Mul(hn::Sqrt(square), constant(1e-6f)));
-        const V along = dot(x, y, z, constant(receivers.cone[0]), constant(receivers.cone[1]), constant(receivers.cone[2]));
+        const V reach =
+            hn::Add(hn::Mul(hn::Add(gather(clusters.radius), constant(receivers.radius)), constant(1.00001f)),
+                    hn::Mul(hn::Sqrt(square), constant(1e-6f)));
+        const V along = dot(x, y, z, constant(receivers.cone[0]), constant(receivers.cone[1]),
+                            constant(receivers.cone[2]));
         const V across = hn::Sqrt(larger(hn::Sub(square, hn::Mul(along, along)), hn::Zero(df)));
         const V height = hn::Add(hn::Mul(along, cone_cos), hn::Mul(across, cone_sin));
         const V side = hn::Sub(hn::Mul(across, cone_cos), hn::Mul(along, cone_sin));
@@ -228,13 +244,15 @@ uint32_t select_clusters(const ReceiverBounds& receivers, const ClusterBounds& c
         const M under = hn::Lt(hn::Add(height, reach), hn::Zero(df));
         const M lower = hn::And(hn::Lt(hn::Add(hn::Sub(height, hn::Mul(tangent, side)), steep), hn::Zero(df)),
                                 hn::Gt(square, hn::Mul(steep, steep)));
-        const V facing = hn::Sub(hn::Zero(df), dot(x, y, z, gather(clusters.cone[0]), gather(clusters.cone[1]),
-                                                   gather(clusters.cone[2])));
+        const V facing = hn::Sub(hn::Zero(df), dot(x, y, z, gather(clusters.cone[0]),
+                                                   gather(clusters.cone[1]), gather(clusters.cone[2])));
         const V beside = hn::Sqrt(larger(hn::Sub(square, hn::Mul(facing, facing)), hn::Zero(df)));
         const V cosine = gather(clusters.cone_cos);
-        const M back = hn::Lt(hn::Add(hn::Add(hn::Mul(facing, cosine), hn::Mul(beside, gather(clusters.cone_sin))), reach),
-                              hn::Zero(df));
-        const M culled = hn::Or(hn::And(narrow, hn::Or(under, lower)), hn::And(back, hn::Gt(cosine, hn::Zero(df))));
+        const M back = hn::Lt(
+            hn::Add(hn::Add(hn::Mul(facing, cosine), hn::Mul(beside, gather(clusters.cone_sin))), reach),
+            hn::Zero(df));
+        const M culled =
+            hn::Or(hn::And(narrow, hn::Or(under, lower)), hn::And(back, hn::Gt(cosine, hn::Zero(df))));
         const auto keep = hn::AndNot(hn::RebindMask(di, culled), in_range);
         hn::StoreU(hn::Compress(hn::BitCast(du, index), hn::RebindMask(du, keep)), du, selected + count);
         count += static_cast<uint32_t>(hn::CountTrue(di, keep));
@@ -243,14 +261,15 @@ uint32_t select_clusters(const ReceiverBounds& receivers, const ClusterBounds& c
 }
 
 template<PlaneMap map>
-void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float* points, const MaskLayout& layout,
-                     float horizon, ClusterScratch& scratch, JobList& jobs, Counters& counters) {
+void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float* points,
+                     const MaskLayout& layout, float horizon, ClusterScratch& scratch, JobList& jobs,
+                     Counters& counters) {
     for (uint32_t lane = 0; lane < lanes; lane += width) {
         const uint32_t valid = batch.valid >> lane & chunk_bits;
         if (!valid) continue;
         const Chunk chunk = load_chunk(batch, lane);
-        const Vec3 middle =
-            to_local(chunk, constant(cluster.centre[0]), constant(cluster.centre[1]), constant(cluster.centre[2]));
+        const Vec3 middle = to_local(chunk, constant(cluster.centre[0]), constant(cluster.centre[1]),
+                                     constant(cluster.centre[2]));
         const V distance = hn::Sqrt(dot(middle.x, middle.y, middle.z, middle.x, middle.y, middle.z));
         const V margin = hn::Mul(constant(1e-6f), hn::Add(distance, constant(cluster.radius)));
         const V opposite = hn::Sub(hn::Zero(df), margin);
@@ -263,8 +282,8 @@ void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float
         uint64_t corners = 0;
         for (uint32_t t = 0; t < cluster.triangle_count; ++t) {
             const float* plane = cluster.planes + 4 * t;
-            const V height = hn::Sub(dot(constant(plane[0]), constant(plane[1]), constant(plane[2]), chunk.position[0],
-                                         chunk.position[1], chunk.position[2]),
+            const V height = hn::Sub(dot(constant(plane[0]), constant(plane[1]), constant(plane[2]),
+                                         chunk.position[0], chunk.position[1], chunk.position[2]),
                                      constant(plane[3]));
             front[t] = bits_of(hn::Gt(height, margin)) & valid;
             back[t] = cluster.two_sided ? bits_of(hn::Lt(height, opposite)) & valid : 0;
@@ -320,29 +339,34 @@ void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float
             }
             const M active = hn::And(mask_of(front[t] | back[t]), valid_entries(entry));
             counters.triangles_rasterized += hn::CountTrue(df, active);
-            const V ya = hn::Load(df, scratch.local[triangle[0]][1]), yb = hn::Load(df, scratch.local[triangle[1]][1]),
+            const V ya = hn::Load(df, scratch.local[triangle[0]][1]),
+                    yb = hn::Load(df, scratch.local[triangle[1]][1]),
                     yc = hn::Load(df, scratch.local[triangle[2]][1]);
-            add_jobs(layout, entry, hn::Min(hn::Min(ya, yb), yc), hn::Max(hn::Max(ya, yb), yc), lane, active, jobs);
+            add_jobs(layout, entry, hn::Min(hn::Min(ya, yb), yc), hn::Max(hn::Max(ya, yb), yc), lane, active,
+                     jobs);
         }
     }
 }
 
-void cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* points, const MaskLayout& layout,
-                  float horizon, ClusterScratch& scratch, JobList& jobs, Counters& counters) {
+void cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* points,
+                  const MaskLayout& layout, float horizon, ClusterScratch& scratch, JobList& jobs,
+                  Counters& counters) {
     if (layout.planes == PlaneMap::octahedral) {
-        cluster_jobs_of<PlaneMap::octahedral>(batch, cluster, points, layout, horizon, scratch, jobs, counters);
+        cluster_jobs_of<PlaneMap::octahedral>(batch, cluster, points, layout, horizon, scratch, jobs,
+                                              counters);
     } else {
         cluster_jobs_of<PlaneMap::cube>(batch, cluster, points, layout, horizon, scratch, jobs, counters);
     }
 }
 
-HWY_INLINE void free_jobs(const MaskLayout& layout, const Vec3 corner[3], const Vec3 normal[3], M behind, M active,
-                          uint32_t lane, JobList& jobs, uint64_t& counter) {
+HWY_INLINE void free_jobs(const MaskLayout& layout, const Vec3 corner[3], const Vec3 normal[3], M behind,
+                          M active, uint32_t lane, JobList& jobs, uint64_t& counter) {
     const U turned = hn::IfThenElseZero(hn::RebindMask(du, behind), hn::Set(du, entry_complement(layout)));
     U entry[3];
     for (uint32_t k = 0; k < 3; ++k) {
-        entry[k] = layout.planes == PlaneMap::octahedral ? plane_entry<PlaneMap::octahedral>(layout, normal[k])
-                                                         : plane_entry<PlaneMap::cube>(layout, normal[k]);
+        entry[k] = layout.planes == PlaneMap::octahedral
+                       ? plane_entry<PlaneMap::octahedral>(layout, normal[k])
+                       : plane_entry<PlaneMap::cube>(layout, normal[k]);
         entry[k] = hn::Xor(entry[k], turned);
     }
     const M left = hn::And(active, valid_entries(entry));
@@ -352,7 +376,8 @@ HWY_INLINE void free_jobs(const MaskLayout& layout, const Vec3 corner[3], const 
 }
 
 HWY_INLINE Vec3 load_corner(const Chunk& chunk, const float corner[3][lanes], uint32_t lane) {
-    return to_local(chunk, hn::Load(df, corner[0] + lane), hn::Load(df, corner[1] + lane), hn::Load(df, corner[2] + lane));
+    return to_local(chunk, hn::Load(df, corner[0] + lane), hn::Load(df, corner[1] + lane),
+                    hn::Load(df, corner[2] + lane));
 }
 
 void triangle_jobs(const Batch& batch, const float corners[3][3][lanes], uint32_t active, uint32_t two_sided,
@@ -375,7 +400,8 @@ void triangle_jobs(const Batch& batch, const float corners[3][3][lanes], uint32_
         const V sum_x = hn::Add(hn::Add(a.x, b.x), c.x), sum_y = hn::Add(hn::Add(a.y, b.y), c.y);
         const Horizon towards = horizon_towards(horizon, sum_x, sum_y);
         const V height = larger(larger(a.z, b.z), c.z);
-        const V over = larger(larger(over_horizon(towards, a), over_horizon(towards, b)), over_horizon(towards, c));
+        const V over =
+            larger(larger(over_horizon(towards, a), over_horizon(towards, b)), over_horizon(towards, c));
         const M above = hn::Gt(hn::Min(height, over), hn::Zero(df));
         const M drawn = hn::And(hn::And(hn::Or(front, back), above), mask_of(active >> lane & chunk_bits));
         free_jobs(layout, corner, normal, back, drawn, lane, jobs, counters.triangles_rasterized);
@@ -396,7 +422,8 @@ void fan_jobs(const Batch& batch, const float corners[2][3][lanes], uint32_t act
         const M drawn = hn::And(above, mask_of(active >> lane & chunk_bits));
         if (!bits_of(drawn)) continue;
         const Vec3 normal[3] = {cross(a, b), Vec3{hn::Neg(b.y), b.x, zero}, Vec3{a.y, hn::Neg(a.x), zero}};
-        free_jobs(layout, corner, normal, hn::Lt(normal[0].z, zero), drawn, lane, jobs, counters.fan_triangles);
+        free_jobs(layout, corner, normal, hn::Lt(normal[0].z, zero), drawn, lane, jobs,
+                  counters.fan_triangles);
     }
 }
 
@@ -413,14 +440,17 @@ void run_jobs_of(const Tables& tables, JobList& jobs, uint8_t* masks) {
                 __builtin_prefetch(planes + (jobs.plane[k][next < jobs.count ? next : j] & ~63u) + line);
         }
         const uint32_t e0 = jobs.plane[0][j], e1 = jobs.plane[1][j], e2 = jobs.plane[2][j];
-        const auto s0 = hn::Set(d, 0u - (e0 & 1)), s1 = hn::Set(d, 0u - (e1 & 1)), s2 = hn::Set(d, 0u - (e2 & 1));
+        const auto s0 = hn::Set(d, 0u - (e0 & 1)), s1 = hn::Set(d, 0u - (e1 & 1)),
+                   s2 = hn::Set(d, 0u - (e2 & 1));
         const uint8_t* p0 = planes + (e0 & ~63u);
         const uint8_t* p1 = planes + (e1 & ~63u);
         const uint8_t* p2 = planes + (e2 & ~63u);
         uint8_t* mask = masks + jobs.destination[j];
         for (uint32_t i = 0; i < half_bytes; i += step) {
-            const auto load = [&](const uint8_t* p) HWY_ATTR { return hn::Load(d, reinterpret_cast<const uint32_t*>(p + i)); };
-            const auto inside = hn::And(hn::And(hn::Xor(load(p0), s0), hn::Xor(load(p1), s1)), hn::Xor(load(p2), s2));
+            const auto load = [&](const uint8_t* p)
+                                  HWY_ATTR { return hn::Load(d, reinterpret_cast<const uint32_t*>(p + i)); };
+            const auto inside =
+                hn::And(hn::And(hn::Xor(load(p0), s0), hn::Xor(load(p1), s1)), hn::Xor(load(p2), s2));
             hn::Store(hn::Or(load(mask), inside), d, reinterpret_cast<uint32_t*>(mask + i));
         }
     }
@@ -498,7 +528,8 @@ void integrate_bits(const Tables& tables, const uint8_t* mask, float* sum, Count
         counters.blocks_partial += static_cast<uint32_t>(__builtin_popcountll(partial));
         counters.blocks_uniform += 64 - static_cast<uint32_t>(__builtin_popcountll(partial));
         for (; full; full &= full - 1)
-            subtract(tables.blocks + size_t(first + static_cast<uint32_t>(__builtin_ctzll(full))) * sh_columns);
+            subtract(tables.blocks +
+                     size_t(first + static_cast<uint32_t>(__builtin_ctzll(full))) * sh_columns);
         for (; partial; partial &= partial - 1) {
             const uint32_t block = first + static_cast<uint32_t>(__builtin_ctzll(partial));
             uint16_t bits;
@@ -518,8 +549,8 @@ void integrate_bits(const Tables& tables, const uint8_t* mask, float* sum, Count
     }
 }
 
-void integrate(const Tables& tables, const uint8_t* masks, uint32_t valid, bool per_block, float local[25][lanes],
-               Counters& counters) {
+void integrate(const Tables& tables, const uint8_t* masks, uint32_t valid, bool per_block,
+               float local[25][lanes], Counters& counters) {
     const uint32_t bytes = mask_bytes(tables.layout), blocks = mask_blocks(tables.layout);
     for (uint32_t lane = 0; lane < lanes; ++lane) {
         alignas(64) float sum[sh_columns] = {};
@@ -548,9 +579,10 @@ void rotate(const Batch& batch, const float local[25][lanes], float out[25][lane
         for (uint32_t i = 0; i < 25; ++i)
             in[i] = hn::Load(df, local[i] + lane);
         const V zero = hn::Zero(df);
-        sh_rotate_zy(Constant(), hn::Load(df, batch.axis[2][2] + lane), hn::Sub(zero, hn::Load(df, batch.axis[0][2] + lane)),
-                     hn::Load(df, batch.axis[1][1] + lane), hn::Sub(zero, hn::Load(df, batch.axis[1][0] + lane)), in,
-                     turned);
+        sh_rotate_zy(Constant(), hn::Load(df, batch.axis[2][2] + lane),
+                     hn::Sub(zero, hn::Load(df, batch.axis[0][2] + lane)),
+                     hn::Load(df, batch.axis[1][1] + lane),
+                     hn::Sub(zero, hn::Load(df, batch.axis[1][0] + lane)), in, turned);
         const M valid = mask_of(batch.valid >> lane & chunk_bits);
         for (uint32_t i = 0; i < 25; ++i)
             hn::Store(hn::IfThenElseZero(valid, turned[i]), df, out[i] + lane);
@@ -609,8 +641,9 @@ constexpr const char* set_name() {
 } // namespace
 
 extern const Kernels table;
-const Kernels table = {set_name(), prepare_batch, accept_groups, select_clusters, cluster_jobs, triangle_jobs, fan_jobs,
-                       run_jobs,   integrate,     rotate,        downsample,      shade,        evaluate_sh};
+const Kernels table = {set_name(),    prepare_batch, accept_groups, select_clusters, cluster_jobs,
+                       triangle_jobs, fan_jobs,      run_jobs,      integrate,       rotate,
+                       downsample,    shade,         evaluate_sh};
 
 } // namespace HWY_NAMESPACE
 } // namespace nusselt::kernels
@@ -619,9 +652,15 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace nusselt::kernels {
 
-const Kernels* sse4_kernels() { return &N_SSE4::table; }
-const Kernels* avx2_kernels() { return &N_AVX2::table; }
-const Kernels* avx512_kernels() { return &N_AVX3::table; }
+const Kernels* sse4_kernels() {
+    return &N_SSE4::table;
+}
+const Kernels* avx2_kernels() {
+    return &N_AVX2::table;
+}
+const Kernels* avx512_kernels() {
+    return &N_AVX3::table;
+}
 
 } // namespace nusselt::kernels
 #endif

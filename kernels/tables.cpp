@@ -1,4 +1,5 @@
-// The tables, in double and without library functions beyond the square root, so that every machine makes the same.
+// The tables, in double and without library functions beyond the square root, so that every machine makes the
+// same.
 #include "kernels/kernels.h"
 
 #include <cmath>
@@ -32,8 +33,8 @@ double cosine(double a) {
     return sum;
 }
 
-// A point of the square [-1, 1]^2 to the hemisphere. Worked out in one octant and mirrored, so that the directions
-// have the square's eight symmetries bit for bit.
+// A point of the square [-1, 1]^2 to the hemisphere. Worked out in one octant and mirrored, so that the
+// directions have the square's eight symmetries bit for bit.
 bool square_to_hemisphere(SampleMap map, double u, double v, double d[3]) {
     double x = std::fabs(u), y = std::fabs(v);
     if (map == SampleMap::concentric) {
@@ -63,7 +64,8 @@ void cell_of_bit(uint32_t side, uint32_t bit, uint32_t& x, uint32_t& y) {
 }
 
 // The integral of the 25 basis functions times cosine over pi, over one cell; false where the cell is unused.
-// In the plane of the disk the measure is area over pi, whatever the map; the concentric map keeps areas (4 : pi).
+// In the plane of the disk the measure is area over pi, whatever the map; the concentric map keeps areas (4 :
+// pi).
 bool cell_weights(const MaskLayout& layout, uint32_t bit, double weights[25]) {
     constexpr int samples = 8;
     uint32_t cx, cy;
@@ -73,10 +75,12 @@ bool cell_weights(const MaskLayout& layout, uint32_t bit, double weights[25]) {
     for (int i = 0; i < 25; ++i)
         weights[i] = 0;
     const double cell = 2.0 / layout.side;
-    const double area = layout.samples == SampleMap::concentric ? cell * cell / 4 : cell * cell / (4 * quarter_pi);
+    const double area =
+        layout.samples == SampleMap::concentric ? cell * cell / 4 : cell * cell / (4 * quarter_pi);
     for (int sy = 0; sy < samples; ++sy) {
         for (int sx = 0; sx < samples; ++sx) {
-            const double u = (cx + (sx + 0.5) / samples) * cell - 1, v = (cy + (sy + 0.5) / samples) * cell - 1;
+            const double u = (cx + (sx + 0.5) / samples) * cell - 1,
+                         v = (cy + (sy + 0.5) / samples) * cell - 1;
             double d[3], basis[25];
             if (!square_to_hemisphere(layout.samples, u, v, d)) continue;
             sh_basis(Constant(), d[0], d[1], d[2], basis);
@@ -107,8 +111,8 @@ void cell_normal(const MaskLayout& layout, uint32_t cell, double n[3]) {
 bool sample_direction(const MaskLayout& layout, uint32_t bit, double direction[3]) {
     uint32_t x, y;
     cell_of_bit(layout.side, bit, x, y);
-    return square_to_hemisphere(layout.samples, (2.0 * x + 1) / layout.side - 1, (2.0 * y + 1) / layout.side - 1,
-                                direction);
+    return square_to_hemisphere(layout.samples, (2.0 * x + 1) / layout.side - 1,
+                                (2.0 * y + 1) / layout.side - 1, direction);
 }
 
 void build_plane_table(const MaskLayout& layout, uint32_t first_cell, uint32_t end_cell, uint8_t* planes) {

@@ -1,5 +1,5 @@
-// An animated scene as plain data: what the built-in scenes and the model loader both produce, and what the program,
-// the benchmarks and the tests consume.
+// An animated scene as plain data: what the built-in scenes and the model loader both produce, and what the
+// program, the benchmarks and the tests consume.
 #pragma once
 
 #include <glm/vec3.hpp>
@@ -35,13 +35,13 @@ struct Scene {
     glm::vec3 view_direction{-0.4f, -0.35f, -1.0f}; // for the default camera, which frames the posed bounds
 };
 
-// Area-weighted unit normals of a posed mesh; vertices at equal rest positions share theirs when `smooth`.
-// Vertices without area get (0, 1, 0).
+// Area-weighted unit normals of a posed mesh, by index: vertices that merely lie at one place don't share
+// theirs (surface.h has that). Vertices without area get (0, 1, 0).
 void compute_normals(const std::vector<glm::vec3>& positions, const std::vector<uint32_t>& indices,
                      std::vector<glm::vec3>& normals);
 
-// The built-in scenes, sized as Table 1 of the paper within 5 %: "cloth" (1378 vertices, 2560 triangles), "fight"
-// (2978, 4806), "chess" (1897, 3704), "hand" (8636, 15854).
+// The built-in scenes, sized as Table 1 of the paper within 5 %: "cloth" (1378 vertices, 2560 triangles),
+// "fight" (2978, 4806), "chess" (1897, 3704), "hand" (8636, 15854).
 std::vector<std::string> builtin_names();
 // The scene of that name; a scene without meshes if there is none.
 Scene builtin(const std::string& name);

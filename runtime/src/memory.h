@@ -1,5 +1,6 @@
 // The caller's allocator as a standard allocator, for the arrays of a mesh and a context.
-// A failed allocation throws std::bad_alloc inside the library; the public calls catch it and answer out_of_memory.
+// A failed allocation throws std::bad_alloc inside the library; the public calls catch it and answer
+// out_of_memory.
 #pragma once
 
 #include "nusselt/allocator.h"

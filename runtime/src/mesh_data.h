@@ -1,10 +1,10 @@
 // What a mesh keeps after it was added: plain arrays, read-only in a frame. Built by levels.h.
 //
-// Levels of detail are a directed acyclic graph of triangle clusters. Neighbouring clusters form a group; the group's
-// triangles, simplified as one with the vertices that it shares with the outside locked, become the next level's
-// clusters. So any cut in which every group is decided as a whole is free of cracks and overlaps: a cluster is drawn
-// where the simplification that made it is fine enough and the one that replaces it is not. All levels index the same
-// welded vertices, so they deform with the mesh.
+// Levels of detail are a directed acyclic graph of triangle clusters. Neighbouring clusters form a group; the
+// group's triangles, simplified as one with the vertices that it shares with the outside locked, become the
+// next level's clusters. So any cut in which every group is decided as a whole is free of cracks and
+// overlaps: a cluster is drawn where the simplification that made it is fine enough and the one that replaces
+// it is not. All levels index the same welded vertices, so they deform with the mesh.
 #pragma once
 
 #include "memory.h"
@@ -16,8 +16,8 @@ namespace nusselt {
 constexpr uint32_t no_group = 0xFFFFFFFFu;
 constexpr uint32_t batch_receivers = 16; // receivers that go through all kernels together
 
-// Corners and edges are numbers within the cluster. Edge k runs between corners k and (k + 1) % 3; bit k of `flipped`
-// is set where the cluster's edge is stored the other way round.
+// Corners and edges are numbers within the cluster. Edge k runs between corners k and (k + 1) % 3; bit k of
+// `flipped` is set where the cluster's edge is stored the other way round.
 struct ClusterTriangle {
     uint8_t corner[3];
     uint8_t edge[3];
@@ -34,14 +34,14 @@ struct Clusters {
         : vertex_begin(HostAllocator<uint32_t>(a)), edge_begin(HostAllocator<uint32_t>(a)),
           triangle_begin(HostAllocator<uint32_t>(a)), own_group(HostAllocator<uint32_t>(a)),
           parent_group(HostAllocator<uint32_t>(a)), two_sided(HostAllocator<uint8_t>(a)),
-          level(HostAllocator<uint8_t>(a)), vertices(HostAllocator<uint32_t>(a)), edges(HostAllocator<ClusterEdge>(a)),
-          triangles(HostAllocator<ClusterTriangle>(a)) {}
+          level(HostAllocator<uint8_t>(a)), vertices(HostAllocator<uint32_t>(a)),
+          edges(HostAllocator<ClusterEdge>(a)), triangles(HostAllocator<ClusterTriangle>(a)) {}
 
     // One entry a cluster, plus one end entry for the three begins. Finer levels first.
     Vector<uint32_t> vertex_begin, edge_begin, triangle_begin;
     Vector<uint32_t> own_group;    // whose simplification made it; no_group: the full mesh
     Vector<uint32_t> parent_group; // which simplification replaces it; no_group: nothing coarser
-    Vector<uint8_t> two_sided;     // 1: blocks from both sides (component not closed or not consistently wound)
+    Vector<uint8_t> two_sided; // 1: blocks from both sides (component not closed or not consistently wound)
     Vector<uint8_t> level;
 
     Vector<uint32_t> vertices; // welded vertex numbers; unique within a cluster
@@ -59,36 +59,39 @@ struct Groups {
     // Children (the groups that made the replaced clusters) come before their parents.
     Vector<uint32_t> cluster_begin; // one a group plus an end; into `clusters`
     Vector<uint32_t> clusters;      // the clusters that the group replaces
-    Vector<float> relative_error;   // distance to the full mesh over the radius of the replaced clusters' bounding
-                                    // sphere, both in the rest pose; never below a child's distance
+    Vector<float> relative_error;   // distance to the full mesh over the radius of the replaced clusters'
+                                    // bounding sphere, both in the rest pose; never below a child's distance
 
     uint32_t count() const { return static_cast<uint32_t>(relative_error.size()); }
 };
 
 struct MeshData {
     explicit MeshData(const Allocator& a)
-        : weld(HostAllocator<uint32_t>(a)), weld_source(HostAllocator<uint32_t>(a)), fan_begin(HostAllocator<uint32_t>(a)),
-          fan(HostAllocator<uint32_t>(a)), receivers(HostAllocator<uint32_t>(a)), duplicates(HostAllocator<uint32_t>(a)),
+        : weld(HostAllocator<uint32_t>(a)), weld_source(HostAllocator<uint32_t>(a)),
+          fan_begin(HostAllocator<uint32_t>(a)), fan(HostAllocator<uint32_t>(a)),
+          receivers(HostAllocator<uint32_t>(a)), duplicates(HostAllocator<uint32_t>(a)),
           duplicate_of(HostAllocator<uint32_t>(a)), full_triangles(HostAllocator<uint32_t>(a)),
           ring_begin(HostAllocator<uint32_t>(a)), ring(HostAllocator<uint32_t>(a)),
           full_two_sided(HostAllocator<uint8_t>(a)), clusters(a), groups(a), coarse_clusters(a) {}
 
     uint32_t vertex_count = 0; // the caller's, V
-    Vector<uint32_t> weld;        // V: welded vertex of each vertex
-    Vector<uint32_t> weld_source; // W: the first vertex welded into it; its position in a frame stands for all
+    Vector<uint32_t> weld;     // V: welded vertex of each vertex
+    Vector<uint32_t>
+        weld_source; // W: the first vertex welded into it; its position in a frame stands for all
 
-    // Fans: the incident triangles of welded vertex w are (w, fan[2 k], fan[2 k + 1]), counter-clockwise, for k in
-    // [fan_begin[w], fan_begin[w + 1]). W + 1 begins. Full mesh, degenerate triangles left out.
+    // Fans: the incident triangles of welded vertex w are (w, fan[2 k], fan[2 k + 1]), counter-clockwise, for
+    // k in [fan_begin[w], fan_begin[w + 1]). W + 1 begins. Full mesh, degenerate triangles left out.
     Vector<uint32_t> fan_begin, fan;
 
-    // Receivers in batches of 16 that lie together and look the same way (rest pose), one for each distinct pair of
-    // welded position and rest normal; the last batch may be short. `duplicates` are the remaining vertices, and
-    // duplicate_of the receiver vertex that each repeats.
+    // Receivers in batches of 16 that lie together and look the same way (rest pose), one for each distinct
+    // pair of welded position and rest normal; the last batch may be short. `duplicates` are the remaining
+    // vertices, and duplicate_of the receiver vertex that each repeats.
     Vector<uint32_t> receivers, duplicates, duplicate_of;
 
-    // For the quality `paper`: the full mesh as welded triples; for each welded vertex the triangles of its 2-ring
-    // (those that touch one of its neighbours), incident ones left out, as indices into full_triangles / 3; and one
-    // coarse mesh of a few hundred triangles as clusters of their own (coarse_clusters below, groups all no_group).
+    // For the quality `paper`: the full mesh as welded triples; for each welded vertex the triangles of its
+    // 2-ring (those that touch one of its neighbours), incident ones left out, as indices into full_triangles
+    // / 3; and one coarse mesh of a few hundred triangles as clusters of their own (coarse_clusters below,
+    // groups all no_group).
     Vector<uint32_t> full_triangles, ring_begin, ring;
     Vector<uint8_t> full_two_sided; // one a full triangle
 

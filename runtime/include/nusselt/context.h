@@ -1,4 +1,5 @@
-// A context: memory, executor, tables and meshes. Several may live in one process; the plane tables are shared.
+// A context: memory, executor, tables and meshes. Several may live in one process; the plane tables are
+// shared.
 #pragma once
 
 #include "nusselt/allocator.h"
@@ -23,14 +24,14 @@ bool isa_available(Isa isa);
 struct Context;
 
 struct ContextDesc {
-    Allocator allocator;  // default: the C++ heap
-    Executor executor;    // default (enqueue null): serial_executor()
-    Isa isa = Isa::best;  // `best` takes NUSSELT_ISA from the environment first, then the highest available
+    Allocator allocator; // default: the C++ heap
+    Executor executor;   // default (enqueue null): serial_executor()
+    Isa isa = Isa::best; // `best` takes NUSSELT_ISA from the environment first, then the highest available
 };
 
-// Makes a context. `unsupported`: the instruction set is not available here (or NUSSELT_ISA names no available one).
-// Builds the tables of a quality when the first context asks for it (under a second together, at most 16 MB in a
-// process); they are released with the last context.
+// Makes a context. `unsupported`: the instruction set is not available here (or NUSSELT_ISA names no
+// available one). Builds the tables of a quality when the first context asks for it (under a second together,
+// at most 16 MB in a process); they are released with the last context.
 Status create_context(const ContextDesc& desc, Context** out);
 
 // Destroys the context and its meshes. `busy` while a frame is in flight: wait for it first. Null is ignored.

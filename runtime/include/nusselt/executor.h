@@ -8,10 +8,12 @@
 namespace nusselt {
 
 // The contract, both ways:
-//  - `enqueue` runs `run(argument)` exactly once: later on any thread, or at once, inline, in which case it returns
-//    null. A non-null ticket is passed to `finish` exactly once, from a thread inside `wait`; `finish` returns when
-//    that task has returned. `enqueue` may be called from inside a task.
-//  - A task never blocks, never waits for another task, throws nothing and allocates nothing. So one thread that runs
+//  - `enqueue` runs `run(argument)` exactly once: later on any thread, or at once, inline, in which case it
+//  returns
+//    null. A non-null ticket is passed to `finish` exactly once, from a thread inside `wait`; `finish`
+//    returns when that task has returned. `enqueue` may be called from inside a task.
+//  - A task never blocks, never waits for another task, throws nothing and allocates nothing. So one thread
+//  that runs
 //    the tasks in any order finishes the frame, and tasks that start only inside `finish` are enough.
 //  - The thread that waits helps: it works through the frame itself before it calls `finish`.
 //  - At most `concurrency` tasks of one frame are queued or running at a time; 0 means 1.
@@ -25,9 +27,10 @@ struct Executor {
 // Runs every task inline. Creates no thread, holds no state; `destroy_executor` is not needed.
 Executor serial_executor();
 
-// An executor over oneTBB with an arena of its own of `threads` slots (0: as many as the machine has, the calling
-// thread counted). Every wait is isolated: a waiting thread never picks up the host's tasks, and a cancelled host
-// task group does not cancel ours. Uses no global_control. `unsupported` where the library was built without TBB.
+// An executor over oneTBB with an arena of its own of `threads` slots (0: as many as the machine has, the
+// calling thread counted). Every wait is isolated: a waiting thread never picks up the host's tasks, and a
+// cancelled host task group does not cancel ours. Uses no global_control. `unsupported` where the library was
+// built without TBB.
 Status create_tbb_executor(uint32_t threads, Executor* out);
 
 // Ends an executor that create_tbb_executor made, when no context uses it any more. Others are left alone.

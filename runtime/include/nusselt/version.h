@@ -11,7 +11,8 @@ namespace nusselt {
 
 // NUSSELT_VERSION of the binary: compare it with the header's to find a mixed installation.
 uint32_t version();
-// Version, compiler, instruction sets and options of the binary in one line, for logs and bug reports. Never null.
+// Version, compiler, instruction sets and options of the binary in one line, for logs and bug reports. Never
+// null.
 const char* configuration();
 
 } // namespace nusselt

@@ -14,14 +14,16 @@ struct Vec3View {
     size_t stride = 12;
 };
 
-// `count` transfer vectors of 25 floats, `stride` bytes apart (a multiple of 4, at least 100). Written, never read.
+// `count` transfer vectors of 25 floats, `stride` bytes apart (a multiple of 4, at least 100). Written, never
+// read.
 struct TransferView {
     float* data = nullptr;
     size_t count = 0;
     size_t stride = 100;
 };
 
-// `count` occlusion masks, `stride` bytes apart (a multiple of 4, at least bits / 8 of the quality). Written, never read.
+// `count` occlusion masks, `stride` bytes apart (a multiple of 4, at least bits / 8 of the quality). Written,
+// never read.
 struct MaskView {
     uint32_t* data = nullptr;
     size_t count = 0;

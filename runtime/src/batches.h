@@ -1,0 +1,12 @@
+// The receivers' stage of a frame: batches through cull, planes, masks, integration, rotation and store.
+#pragma once
+
+#include "frame_data.h"
+
+namespace nusselt {
+
+// Tasks of the frame's graph; `context` is the Frame.
+void shadow_regions(void* context, uint32_t begin, uint32_t end, uint32_t slot);  // regions of batches
+void copy_duplicates(void* context, uint32_t begin, uint32_t end, uint32_t slot); // chunks of 16 duplicates
+
+} // namespace nusselt

@@ -1,0 +1,108 @@
+#include "context_data.h"
+#include "shared_tables.h"
+
+#include <cstdlib>
+#include <cstring>
+
+namespace nusselt {
+
+namespace {
+
+constexpr const char* isa_names[] = {"scalar", "sse4", "avx2", "avx512"};
+
+const kernels::Kernels* kernels_of(Isa isa) {
+    return isa <= Isa::avx512 ? kernels::kernels_for(static_cast<kernels::Set>(isa)) : nullptr;
+}
+
+Isa best_isa() {
+    for (const Isa isa : {Isa::avx512, Isa::avx2, Isa::sse4}) {
+        if (kernels_of(isa)) return isa;
+    }
+    return Isa::scalar;
+}
+
+} // namespace
+
+const char* isa_name(Isa isa) {
+    if (isa == Isa::best) return "best";
+    return isa <= Isa::avx512 ? isa_names[static_cast<uint32_t>(isa)] : "unknown";
+}
+
+bool isa_from_name(const char* name, Isa* out) {
+    if (!name || !out) return false;
+    for (uint32_t i = 0; i < kernels::set_count; ++i) {
+        if (std::strcmp(name, isa_names[i]) == 0) {
+            *out = static_cast<Isa>(i);
+            return true;
+        }
+    }
+    if (std::strcmp(name, "best") != 0) return false;
+    *out = Isa::best;
+    return true;
+}
+
+bool isa_available(Isa isa) {
+    return isa == Isa::best || kernels_of(isa) != nullptr;
+}
+
+Status create_context(const ContextDesc& desc, Context** out) {
+    if (!out) return {StatusCode::invalid_argument, "no context made: out is null; pass where to write it"};
+    *out = nullptr;
+    if (!desc.allocator.allocate != !desc.allocator.release)
+        return {StatusCode::invalid_argument,
+                "no context made: the allocator has only one of its two functions; give both or none"};
+    if (desc.executor.enqueue && !desc.executor.finish)
+        return {StatusCode::invalid_argument, "no context made: the executor has enqueue but no finish; give "
+                                              "both, or none for serial_executor()"};
+    Isa isa = desc.isa;
+    if (isa == Isa::best) {
+        const char* forced = std::getenv("NUSSELT_ISA");
+        if (forced && *forced && !isa_from_name(forced, &isa))
+            return {StatusCode::unsupported,
+                    "no context made: NUSSELT_ISA names no instruction set; unset it or use "
+                    "scalar, sse4, avx2, avx512 or best"};
+        if (isa == Isa::best) isa = best_isa();
+    }
+    if (!kernels_of(isa))
+        return {StatusCode::unsupported,
+                "no context made: this build or machine lacks the instruction set asked for; "
+                "use Isa::best, and unset NUSSELT_ISA or set it to best"};
+    try {
+        Context* context = make<Context>(desc.allocator, desc.allocator);
+        context->executor = desc.executor.enqueue ? desc.executor : serial_executor();
+        context->isa = isa;
+        context->kernels = kernels_of(isa);
+        *out = context;
+    } catch (const std::bad_alloc&) {
+        return {StatusCode::out_of_memory,
+                "no context made: the allocator gave no memory; free some and try again"};
+    }
+    return {};
+}
+
+Status destroy_context(Context* context) {
+    if (!context) return {};
+    {
+        const std::lock_guard lock(context->guard);
+        for (const Frame* frame : context->frames) {
+            if (frame->in_flight)
+                return {StatusCode::busy, "the context lives on: a frame is in flight; wait for it first"};
+        }
+    }
+    for (Frame* frame : context->frames)
+        unmake(context->allocator, frame);
+    for (const MeshSlot& slot : context->meshes)
+        unmake(context->allocator, slot.data);
+    for (uint32_t q = 0; q < quality_count; ++q) {
+        if (context->tables[q]) release_tables(static_cast<Quality>(q));
+    }
+    const Allocator allocator = context->allocator;
+    unmake(allocator, context);
+    return {};
+}
+
+Isa context_isa(const Context* context) {
+    return context ? context->isa : Isa::scalar;
+}
+
+} // namespace nusselt

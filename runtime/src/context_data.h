@@ -1,0 +1,56 @@
+// What the opaque Context holds.
+#pragma once
+
+#include "frame_data.h"
+#include "nusselt/context.h"
+
+#include <mutex>
+
+namespace nusselt {
+
+struct MeshSlot {
+    MeshData* data = nullptr; // null: free
+    MeshInfo info;
+    uint32_t generation = 1;
+    uint32_t frames = 0; // in flight that use it
+};
+
+struct Context {
+    explicit Context(const Allocator& a)
+        : allocator(a), meshes(HostAllocator<MeshSlot>(a)), frames(HostAllocator<Frame*>(a)) {}
+
+    Allocator allocator;
+    Executor executor;
+    Isa isa = Isa::scalar;
+    const kernels::Kernels* kernels = nullptr;
+    const kernels::Tables* tables[quality_count] = {}; // held once used
+
+    std::mutex guard; // the slots and counts below; never held while a frame works
+    Vector<MeshSlot> meshes;
+    Vector<Frame*> frames; // kept for later frames; grown on demand
+};
+
+// The live mesh of that handle, or null. The guard is held.
+MeshSlot* find_mesh(Context& context, MeshId mesh);
+
+// From the allocator, constructed; throws std::bad_alloc.
+template<class T, class... Arguments>
+T* make(const Allocator& allocator, Arguments&&... arguments) {
+    HostAllocator<T> host(allocator);
+    T* memory = host.allocate(1);
+    try {
+        return new (memory) T(static_cast<Arguments&&>(arguments)...);
+    } catch (...) {
+        host.deallocate(memory, 1);
+        throw;
+    }
+}
+
+template<class T>
+void unmake(const Allocator& allocator, T* object) {
+    if (!object) return;
+    object->~T();
+    HostAllocator<T>(allocator).deallocate(object, 1);
+}
+
+} // namespace nusselt

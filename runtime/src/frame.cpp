@@ -1,0 +1,380 @@
+#include "batches.h"
+#include "context_data.h"
+#include "kernels/prepare.h"
+#include "refit.h"
+#include "shared_tables.h"
+
+#include <algorithm>
+#include <chrono>
+#include <ctime>
+
+namespace nusselt {
+
+namespace {
+
+Status check(const FrameDesc& desc) {
+    const auto bad = [](const char* text) { return Status{StatusCode::invalid_argument, text}; };
+    const QualitySettings* quality = quality_settings(desc.quality);
+    if (!quality) return bad("no frame started: unknown quality; use one of nusselt::Quality");
+    if (!desc.meshes || desc.mesh_count == 0)
+        return bad("no frame started: it has no meshes; give at least one");
+    for (uint32_t i = 0; i < desc.mesh_count; ++i) {
+        const FrameMesh& m = desc.meshes[i];
+        if (!m.positions.data || !m.normals.data)
+            return bad(
+                "no frame started: a mesh has no positions or no normals; both are needed every frame");
+        if (m.positions.stride < 12 || m.positions.stride % 4 != 0 || m.normals.stride < 12 ||
+            m.normals.stride % 4 != 0)
+            return bad(
+                "no frame started: a stride is under 12 bytes or no multiple of 4; strides are in bytes");
+        if (m.transfer.data && (m.transfer.stride < 100 || m.transfer.stride % 4 != 0))
+            return bad("no frame started: the transfer stride is under 100 bytes or no multiple of 4");
+        if (m.masks.data &&
+            (m.masks.stride < kernels::mask_bytes(quality->layout) || m.masks.stride % 4 != 0))
+            return bad("no frame started: the mask stride is too small for the quality, or no multiple of 4; "
+                       "quality_mask_bits tells the size");
+        if (m.masks.data && !m.transfer.data)
+            return bad("no frame started: masks without transfer; a mesh that receives needs both");
+        for (uint32_t k = 0; k < i; ++k) {
+            if (desc.meshes[k].mesh.slot == m.mesh.slot)
+                return bad("no frame started: a mesh is in it twice; add it twice to draw it twice");
+        }
+    }
+    return {};
+}
+
+bool counts_fit(const FrameMesh& m, const MeshData& data) {
+    const size_t count = data.vertex_count;
+    return m.positions.count == count && m.normals.count == count &&
+           (!m.transfer.data || m.transfer.count == count) && (!m.masks.data || m.masks.count == count);
+}
+
+// Where each mesh's part of the frame's arrays begins, and the arrays' sizes.
+void lay_out(Frame& frame) {
+    frame.point_count = frame.point_chunks = frame.cluster_count = frame.triangle_count = frame.group_count =
+        0;
+    frame.region_count = frame.duplicate_chunks = 0;
+    for (MeshSlice& s : frame.meshes) {
+        const uint32_t points = static_cast<uint32_t>(s.mesh->weld_source.size());
+        s.clusters = frame.quality.paper ? &s.mesh->coarse_clusters : &s.mesh->clusters;
+        s.first_point = frame.point_count;
+        s.first_point_chunk = frame.point_chunks;
+        s.first_cluster = frame.cluster_count;
+        s.first_triangle = frame.triangle_count;
+        s.first_group = frame.group_count;
+        s.first_region = frame.region_count;
+        s.first_duplicate_chunk = frame.duplicate_chunks;
+        const bool receives = s.in.transfer.data != nullptr;
+        const uint32_t per_region = region_batches * kernels::lanes;
+        const uint32_t receivers = receives ? static_cast<uint32_t>(s.mesh->receivers.size()) : 0;
+        const uint32_t duplicates = receives ? static_cast<uint32_t>(s.mesh->duplicates.size()) : 0;
+        s.region_count = (receivers + per_region - 1) / per_region;
+        frame.point_count += points;
+        frame.point_chunks += (points + point_chunk - 1) / point_chunk;
+        frame.cluster_count += s.clusters->count();
+        frame.triangle_count += static_cast<uint32_t>(s.clusters->triangles.size());
+        frame.group_count += frame.quality.paper ? 0 : s.mesh->groups.count();
+        frame.region_count += s.region_count;
+        frame.duplicate_chunks += (duplicates + kernels::lanes - 1) / kernels::lanes;
+    }
+}
+
+// Grows what is too small; a frame no larger than the largest so far allocates nothing.
+void grow(Frame& frame) {
+    frame.extents.resize(frame.point_chunks);
+    frame.points.resize(4 * size_t(frame.point_count));
+    frame.planes.resize(4 * size_t(frame.triangle_count));
+    for (uint32_t k = 0; k < 3; ++k) {
+        frame.centre[k].resize(frame.cluster_count);
+        frame.cone[k].resize(frame.cluster_count);
+        frame.group_centre[k].resize(frame.group_count);
+    }
+    frame.radius.resize(frame.cluster_count);
+    frame.cone_cos.resize(frame.cluster_count);
+    frame.cone_sin.resize(frame.cluster_count);
+    frame.group_radius.resize(frame.group_count);
+    frame.group_error.resize(frame.group_count);
+    frame.own_group.resize(frame.cluster_count);
+    frame.parent_group.resize(frame.cluster_count);
+    frame.views.resize(frame.cluster_count);
+    frame.cluster_mesh.resize(frame.cluster_count);
+    frame.cluster_planes.resize(frame.cluster_count);
+    const size_t job_capacity = job_flush + kernels::jobs_per_cluster + 64;
+    for (Worker& w : frame.workers) {
+        w.scratch.resize(1);
+        w.masks.resize(size_t(kernels::lanes) * kernels::mask_bytes(frame.quality.layout));
+        w.jobs.resize(4 * job_capacity);
+        w.accepted.resize(frame.group_count + 34);
+        w.some_accepted.resize(frame.group_count + 34);
+        w.all_accepted.resize(frame.group_count + 34);
+        w.candidates.resize(frame.cluster_count + 16);
+        w.selected.resize(frame.cluster_count + 16);
+    }
+}
+
+// What does not change with the positions: every cluster's view of its mesh.
+void connect(Frame& frame) {
+    for (uint32_t m = 0; m < frame.meshes.size(); ++m) {
+        const MeshSlice& s = frame.meshes[m];
+        const Clusters& k = *s.clusters;
+        for (uint32_t i = 0; i < k.count(); ++i) {
+            const uint32_t c = s.first_cluster + i;
+            const uint32_t triangle = k.triangle_begin[i];
+            frame.cluster_mesh[c] = m;
+            frame.cluster_planes[c] = s.first_triangle + triangle;
+            const bool grouped = !frame.quality.paper;
+            frame.own_group[c] =
+                grouped && k.own_group[i] != no_group ? s.first_group + k.own_group[i] : frame.group_count;
+            frame.parent_group[c] = grouped && k.parent_group[i] != no_group
+                                        ? s.first_group + k.parent_group[i]
+                                        : frame.group_count + 1;
+            kernels::ClusterView& view = frame.views[c];
+            view.vertices = k.vertices.data() + k.vertex_begin[i];
+            view.edges = reinterpret_cast<const uint8_t*>(k.edges.data() + k.edge_begin[i]);
+            view.triangles = reinterpret_cast<const uint8_t*>(k.triangles.data() + triangle);
+            view.planes = frame.planes.data() + 4 * size_t(frame.cluster_planes[c]);
+            view.vertex_count = k.vertex_begin[i + 1] - k.vertex_begin[i];
+            view.edge_count = k.edge_begin[i + 1] - k.edge_begin[i];
+            view.triangle_count = k.triangle_begin[i + 1] - triangle;
+            view.two_sided = k.two_sided[i];
+        }
+    }
+    frame.cluster_bounds = {{frame.centre[0].data(), frame.centre[1].data(), frame.centre[2].data()},
+                            frame.radius.data(),
+                            {frame.cone[0].data(), frame.cone[1].data(), frame.cone[2].data()},
+                            frame.cone_cos.data(),
+                            frame.cone_sin.data(),
+                            frame.own_group.data(),
+                            frame.parent_group.data(),
+                            frame.cluster_count};
+    frame.group_bounds = {
+        {frame.group_centre[0].data(), frame.group_centre[1].data(), frame.group_centre[2].data()},
+        frame.group_radius.data(),
+        frame.group_error.data(),
+        frame.group_count};
+}
+
+// The first finite position: then an exact translation of everything changes nothing.
+void choose_origin(Frame& frame) {
+    for (uint32_t k = 0; k < 3; ++k)
+        frame.origin[k] = 0;
+    for (const MeshSlice& s : frame.meshes) {
+        for (size_t v = 0; v < s.in.positions.count; ++v) {
+            const float* p = reinterpret_cast<const float*>(
+                reinterpret_cast<const char*>(s.in.positions.data) + v * s.in.positions.stride);
+            if (!kernels::is_finite(p[0]) || !kernels::is_finite(p[1]) || !kernels::is_finite(p[2])) continue;
+            std::copy(p, p + 3, frame.origin);
+            return;
+        }
+    }
+}
+
+using Work = void (*)(void* context, uint32_t begin, uint32_t end, uint32_t slot);
+
+// A stage's work with its processor time.
+template<Work work>
+void timed(void* context, uint32_t begin, uint32_t end, uint32_t slot) {
+    Tally& tally = static_cast<Frame*>(context)->workers[slot].tally;
+    const double start = thread_cpu_nanoseconds();
+    work(context, begin, end, slot);
+    tally.cpu_ns += thread_cpu_nanoseconds() - start;
+}
+
+// The same for the stages before the receivers', which keep their own account of stages.
+template<Work work>
+void timed_refit(void* context, uint32_t begin, uint32_t end, uint32_t slot) {
+    Tally& tally = static_cast<Frame*>(context)->workers[slot].tally;
+    const uint64_t start = ticks_now();
+    timed<work>(context, begin, end, slot);
+    tally.ticks[refit_stage] += ticks_now() - start;
+}
+
+void plan(Frame& frame) {
+    jobs::Graph& graph = *frame.graph;
+    jobs::clear(graph);
+    uint32_t last = jobs::no_node;
+    const auto stage = [&](const char* name, Work work, uint32_t items, uint32_t grain) {
+        const uint32_t node = jobs::add_node(graph, {name, work, &frame, items, grain});
+        if (last != jobs::no_node) jobs::add_edge(graph, last, node);
+        last = node;
+    };
+    stage("extents", timed_refit<measure_extents>, frame.point_chunks, 4);
+    stage("scale", timed_refit<choose_scale>, 1, 1);
+    stage("points", timed_refit<place_points>, frame.point_chunks, 4);
+    stage("clusters", timed_refit<refit_clusters>, frame.cluster_count, 64);
+    stage("groups", timed_refit<refit_groups>, static_cast<uint32_t>(frame.meshes.size()), 1);
+    stage("receivers", timed<shadow_regions>, frame.region_count, 1);
+    stage("duplicates", timed<copy_duplicates>, frame.duplicate_chunks, 16);
+}
+
+constexpr uint32_t stages = 7;
+
+// A frame that is not in flight, made if there is none. The guard is held. Throws std::bad_alloc.
+Frame& free_frame(Context& context, uint32_t& slot) {
+    for (slot = 0; slot < context.frames.size(); ++slot) {
+        if (!context.frames[slot]->in_flight) return *context.frames[slot];
+    }
+    context.frames.reserve(context.frames.size() + 1);
+    Frame* frame = make<Frame>(context.allocator, context.allocator);
+    context.frames.push_back(frame);
+    return *frame;
+}
+
+void prepare_workers(Context& context, Frame& frame) {
+    if (frame.graph) return;
+    const uint32_t workers = std::max(context.executor.concurrency, 1u);
+    const jobs::GraphLimits limits{stages, stages - 1, workers, 0};
+    frame.graph_memory.resize(jobs::graph_bytes(limits));
+    jobs::Graph* graph = jobs::create_graph(frame.graph_memory.data(), frame.graph_memory.size(), limits);
+    frame.workers.reserve(workers + 1);
+    while (frame.workers.size() < workers + 1)
+        frame.workers.emplace_back(context.allocator);
+    frame.graph = graph;
+}
+
+const kernels::Tables* tables_of(Context& context, Quality quality) {
+    const kernels::Tables*& tables = context.tables[static_cast<uint32_t>(quality)];
+    if (!tables) tables = acquire_tables(quality);
+    return tables;
+}
+
+void release_meshes(Context& context, const Frame& frame) {
+    for (const MeshSlice& s : frame.meshes)
+        --context.meshes[s.in.mesh.slot].frames;
+}
+
+void report(const Frame& frame, FrameStats& stats) {
+    stats = {};
+    const double elapsed = nanoseconds_now() - frame.start_ns;
+    const double per_tick = elapsed / double(std::max<uint64_t>(ticks_now() - frame.start_ticks, 1)) * 1e-6;
+    double stage_ms[6] = {};
+    for (const Worker& w : frame.workers) {
+        const Tally& t = w.tally;
+        stats.receivers_computed += t.receivers_computed;
+        stats.receivers_invalid += t.receivers_invalid;
+        stats.clusters_tested += t.clusters_tested;
+        stats.clusters_rasterized += t.clusters_rasterized;
+        stats.triangles_considered += t.counters.triangles_considered;
+        stats.triangles_rasterized += t.counters.triangles_rasterized;
+        stats.fan_triangles += t.counters.fan_triangles;
+        stats.blocks_uniform += t.counters.blocks_uniform;
+        stats.blocks_partial += t.counters.blocks_partial;
+        stats.triangles_invalid += t.triangles_invalid;
+        stats.cpu_ms += t.cpu_ns * 1e-6;
+        for (uint32_t i = 0; i < 6; ++i)
+            stage_ms[i] += double(t.ticks[i]) * per_tick;
+    }
+    for (const MeshSlice& s : frame.meshes)
+        stats.receivers += s.in.transfer.data ? s.mesh->vertex_count : 0;
+    stats.threads = jobs::threads(*frame.graph);
+    stats.wall_ms = elapsed * 1e-6;
+    stats.refit_ms = stage_ms[refit_stage];
+    stats.cull_ms = stage_ms[cull_stage];
+    stats.transform_ms = stage_ms[transform_stage];
+    stats.raster_ms = stage_ms[raster_stage];
+    stats.integrate_ms = stage_ms[integrate_stage];
+    stats.rotate_ms = stage_ms[rotate_stage];
+}
+
+} // namespace
+
+uint64_t ticks_now() {
+#if defined(__x86_64__)
+    return __builtin_ia32_rdtsc();
+#else
+    return static_cast<uint64_t>(nanoseconds_now());
+#endif
+}
+
+double nanoseconds_now() {
+    return static_cast<double>(std::chrono::duration_cast<std::chrono::nanoseconds>(
+                                   std::chrono::steady_clock::now().time_since_epoch())
+                                   .count());
+}
+
+double thread_cpu_nanoseconds() {
+    timespec t{};
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+    return double(t.tv_sec) * 1e9 + double(t.tv_nsec);
+}
+
+Status submit(Context* context, const FrameDesc& desc, FrameId* out) {
+    if (!context)
+        return {StatusCode::invalid_argument,
+                "no frame started: the context is null; make one with create_context"};
+    if (!out)
+        return {StatusCode::invalid_argument,
+                "no frame started: out is null; pass where to write the handle"};
+    *out = {};
+    if (const Status status = check(desc); !status.ok()) return status;
+    Frame* frame = nullptr;
+    std::unique_lock lock(context->guard);
+    for (uint32_t i = 0; i < desc.mesh_count; ++i) {
+        const MeshSlot* slot = find_mesh(*context, desc.meshes[i].mesh);
+        if (!slot)
+            return {StatusCode::stale_handle, "no frame started: a mesh handle is not of this context; it "
+                                              "was removed, or is another context's"};
+        if (slot->frames > 0)
+            return {StatusCode::busy,
+                    "no frame started: a mesh is in another frame in flight; wait for that one first"};
+        if (!counts_fit(desc.meshes[i], *slot->data))
+            return {StatusCode::invalid_argument, "no frame started: an array of a mesh has another count "
+                                                  "than its vertices; give one element each"};
+    }
+    try {
+        uint32_t slot = 0;
+        frame = &free_frame(*context, slot);
+        prepare_workers(*context, *frame);
+        frame->quality = *quality_settings(desc.quality);
+        frame->kernels = context->kernels;
+        frame->tables = tables_of(*context, desc.quality);
+        if (!frame->tables)
+            return {StatusCode::out_of_memory,
+                    "no frame started: no memory for the tables; free some and try again"};
+        frame->meshes.resize(desc.mesh_count);
+        for (uint32_t i = 0; i < desc.mesh_count; ++i) {
+            frame->meshes[i].mesh = context->meshes[desc.meshes[i].mesh.slot].data;
+            frame->meshes[i].in = desc.meshes[i];
+        }
+        lay_out(*frame);
+        grow(*frame);
+        *out = {slot, frame->generation};
+    } catch (const std::bad_alloc&) {
+        return {StatusCode::out_of_memory,
+                "no frame started: the allocator gave no memory; free some and try again"};
+    }
+    connect(*frame);
+    choose_origin(*frame);
+    plan(*frame);
+    for (Worker& w : frame->workers)
+        w.tally = {};
+    for (const MeshSlice& s : frame->meshes)
+        ++context->meshes[s.in.mesh.slot].frames;
+    frame->in_flight = true;
+    lock.unlock(); // an executor may run everything here and now
+    frame->start_ns = nanoseconds_now();
+    frame->start_ticks = ticks_now();
+    jobs::start(*frame->graph, context->executor);
+    return {};
+}
+
+Status wait(Context* context, FrameId id, FrameStats* stats) {
+    if (!context) return {StatusCode::invalid_argument, "nothing waited for: the context is null"};
+    Frame* frame = nullptr;
+    {
+        const std::lock_guard lock(context->guard);
+        if (id.slot < context->frames.size()) frame = context->frames[id.slot];
+        if (!frame || frame->generation != id.generation || !frame->in_flight)
+            return {StatusCode::stale_handle,
+                    "nothing waited for: no frame in flight has that handle; each is waited for once"};
+    }
+    jobs::wait(*frame->graph);
+    if (stats) report(*frame, *stats);
+    const std::lock_guard lock(context->guard);
+    release_meshes(*context, *frame);
+    ++frame->generation;
+    frame->in_flight = false;
+    return {};
+}
+
+} // namespace nusselt

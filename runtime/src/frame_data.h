@@ -1,0 +1,127 @@
+// One frame's working memory: plain arrays over all meshes of the group, sized when a frame is the largest so
+// far.
+#pragma once
+
+#include "jobs/graph.h"
+#include "kernels/kernels.h"
+#include "memory.h"
+#include "mesh_data.h"
+#include "nusselt/frame.h"
+#include "quality.h"
+
+#include <cstdint>
+
+namespace nusselt {
+
+// Floats, with slack to read whole registers past the end.
+struct FloatArray {
+    explicit FloatArray(const Allocator& a) : values(HostAllocator<float>(a)) {}
+    Vector<float> values;
+
+    void resize(size_t count) { values.resize(count + 16); }
+    float* data() { return values.data(); }
+    const float* data() const { return values.data(); }
+};
+
+constexpr uint32_t region_batches = 8; // batches that share one look at all clusters
+constexpr uint32_t point_chunk = 1024; // vertices of one task
+constexpr uint32_t job_flush =
+    512; // jobs after which masks are worked on: the list stays in the nearest cache
+
+// Where a mesh's entries begin in the arrays of the frame.
+struct MeshSlice {
+    const MeshData* mesh = nullptr;
+    const Clusters* clusters = nullptr; // all levels, or the coarse mesh (paper)
+    FrameMesh in;                       // the caller's arrays
+    uint32_t first_point = 0, first_point_chunk = 0;
+    uint32_t first_cluster = 0, first_triangle = 0, first_group = 0;
+    uint32_t first_region = 0, region_count = 0, first_duplicate_chunk = 0;
+};
+
+struct Tally {
+    kernels::Counters counters{};
+    uint64_t clusters_tested = 0, clusters_rasterized = 0;
+    uint32_t receivers_computed = 0, receivers_invalid = 0, triangles_invalid = 0;
+    double cpu_ns = 0;
+    uint64_t ticks[6] = {}; // by Stage
+};
+
+enum Stage : uint32_t {
+    refit_stage,
+    cull_stage,
+    transform_stage,
+    raster_stage,
+    integrate_stage,
+    rotate_stage
+};
+
+// One worker's scratch memory; it fits the second-level cache.
+struct Worker {
+    explicit Worker(const Allocator& a)
+        : scratch(HostAllocator<kernels::ClusterScratch>(a)), masks(HostAllocator<uint8_t>(a)),
+          jobs(HostAllocator<uint32_t>(a)), accepted(HostAllocator<uint8_t>(a)),
+          some_accepted(HostAllocator<uint8_t>(a)), all_accepted(HostAllocator<uint8_t>(a)),
+          candidates(HostAllocator<uint32_t>(a)), selected(HostAllocator<uint32_t>(a)) {}
+
+    Vector<kernels::ClusterScratch> scratch; // one
+    Vector<uint8_t> masks;                   // of a batch
+    Vector<uint32_t> jobs;                   // the job list's four arrays
+    Vector<uint8_t> accepted, some_accepted, all_accepted;
+    Vector<uint32_t> candidates, selected;
+    kernels::Batch batches[region_batches] = {};
+    alignas(64) float normal[3][kernels::lanes] = {};
+    alignas(64) float local[25][kernels::lanes] = {};
+    alignas(64) float turned[25][kernels::lanes] = {};
+    Tally tally;
+};
+
+struct Frame {
+    explicit Frame(const Allocator& a)
+        : meshes(HostAllocator<MeshSlice>(a)), extents(HostAllocator<float>(a)), points(a),
+          planes(a), centre{FloatArray(a), FloatArray(a), FloatArray(a)},
+          radius(a), cone{FloatArray(a), FloatArray(a), FloatArray(a)}, cone_cos(a), cone_sin(a),
+          own_group(HostAllocator<uint32_t>(a)), parent_group(HostAllocator<uint32_t>(a)),
+          views(HostAllocator<kernels::ClusterView>(a)), cluster_mesh(HostAllocator<uint32_t>(a)),
+          cluster_planes(HostAllocator<uint32_t>(a)), group_centre{FloatArray(a), FloatArray(a),
+                                                                   FloatArray(a)},
+          group_radius(a), group_error(a), graph_memory(HostAllocator<uint8_t>(a)),
+          workers(HostAllocator<Worker>(a)) {}
+
+    // Fixed in `submit`.
+    const kernels::Kernels* kernels = nullptr;
+    const kernels::Tables* tables = nullptr;
+    QualitySettings quality{};
+    Vector<MeshSlice> meshes;
+    uint32_t point_count = 0, point_chunks = 0, cluster_count = 0, triangle_count = 0, group_count = 0;
+    uint32_t region_count = 0, duplicate_chunks = 0;
+
+    // Made by the tasks. Frame space: (position - origin) * scale, scale a power of two that brings the
+    // extent near 1.
+    float origin[3] = {}, scale = 1;
+    Vector<float> extents; // largest distance from the origin along an axis, by chunk of points
+    FloatArray points;     // 4 a welded vertex
+    FloatArray planes;     // 4 a triangle of a cluster
+    FloatArray centre[3], radius, cone[3], cone_cos, cone_sin;
+    Vector<uint32_t> own_group, parent_group;
+    Vector<kernels::ClusterView> views;
+    Vector<uint32_t> cluster_mesh, cluster_planes;
+    FloatArray group_centre[3], group_radius, group_error;
+    kernels::ClusterBounds cluster_bounds{};
+    kernels::GroupBounds group_bounds{};
+
+    Vector<uint8_t> graph_memory;
+    jobs::Graph* graph = nullptr;
+    Vector<Worker> workers;
+
+    uint32_t generation = 1;
+    bool in_flight = false;
+    uint64_t start_ticks = 0;
+    double start_ns = 0;
+};
+
+// A monotonic count that is cheap to read, and the time in nanoseconds that gives it a unit.
+uint64_t ticks_now();
+double nanoseconds_now();
+double thread_cpu_nanoseconds();
+
+} // namespace nusselt

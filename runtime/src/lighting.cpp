@@ -1,0 +1,109 @@
+#include "nusselt/lighting.h"
+
+#include "context_data.h"
+
+#include <cmath>
+#include <cstring>
+
+namespace nusselt {
+
+namespace {
+
+#include "kernels/sh_formulas.inl"
+
+struct Single {
+    float operator()(double value) const { return static_cast<float>(value); }
+};
+struct Double {
+    double operator()(double value) const { return value; }
+};
+
+constexpr double pi = 3.14159265358979323846;
+
+} // namespace
+
+void sh_evaluate(float x, float y, float z, float out[25]) {
+    sh_basis(Single(), x, y, z, out);
+}
+
+Status sh_project_latlong(const float* rgb, uint32_t width, uint32_t height, float out[75], uint64_t* bad) {
+    if (!rgb || !out || width == 0 || height == 0)
+        return {StatusCode::invalid_argument,
+                "not projected: the image is null or empty; give width * height pixels"};
+    double sum[75] = {};
+    uint64_t refused = 0;
+    for (uint32_t row = 0; row < height; ++row) {
+        const double top = std::cos(pi * row / height), bottom = std::cos(pi * (row + 1) / height);
+        const double area = (top - bottom) * 2 * pi / width; // the pixel's exact solid angle
+        const double polar = pi * (row + 0.5) / height, y = std::cos(polar), across = std::sin(polar);
+        for (uint32_t column = 0; column < width; ++column) {
+            const float* pixel = rgb + 3 * (size_t(row) * width + column);
+            bool good = true;
+            for (uint32_t c = 0; c < 3; ++c)
+                good = good && std::isfinite(pixel[c]) && pixel[c] >= 0;
+            if (!good) {
+                ++refused;
+                continue;
+            }
+            const double azimuth = 2 * pi * ((column + 0.5) / width - 0.5);
+            double basis[25];
+            sh_basis(Double(), across * std::cos(azimuth), y, across * std::sin(azimuth), basis);
+            for (uint32_t i = 0; i < 25; ++i) {
+                for (uint32_t c = 0; c < 3; ++c)
+                    sum[i * 3 + c] += basis[i] * area * double(pixel[c]);
+            }
+        }
+    }
+    for (uint32_t i = 0; i < 75; ++i)
+        out[i] = static_cast<float>(sum[i]);
+    if (bad) *bad = refused;
+    return {};
+}
+
+void sh_rotate(const float rotation[9], const float coefficients[25], float out[25]) {
+    // R = Rz(a) Ry(b) Rz(c).
+    const double r02 = rotation[2], r12 = rotation[5], r22 = rotation[8], r20 = rotation[6],
+                 r21 = rotation[7];
+    const double sin_b = std::sqrt(r02 * r02 + r12 * r12);
+    double cos_a = 1, sin_a = 0, cos_c = 1, sin_c = 0;
+    if (sin_b > 1e-7) {
+        cos_a = r02 / sin_b;
+        sin_a = r12 / sin_b;
+        const double length = std::sqrt(r20 * r20 + r21 * r21);
+        cos_c = -r20 / length;
+        sin_c = r21 / length;
+    } else { // about z alone, or with z turned over: one angle is free
+        const double flip = r22 < 0 ? -1 : 1;
+        const double length =
+            std::sqrt(double(rotation[4]) * rotation[4] + double(rotation[1]) * rotation[1]);
+        cos_c = flip < 0 ? rotation[4] / length : rotation[4] / length;
+        sin_c = flip < 0 ? rotation[3] / length : rotation[3] / length;
+    }
+    double c[25], turned[25];
+    for (uint32_t i = 0; i < 25; ++i)
+        c[i] = coefficients[i];
+    sh_rotate_z(Double(), cos_c, sin_c, c);
+    sh_rotate_zy(Double(), r22, sin_b, cos_a, sin_a, c, turned);
+    for (uint32_t i = 0; i < 25; ++i)
+        out[i] = static_cast<float>(turned[i]);
+}
+
+Status shade(const Context* context, const float light[75], TransferView transfer, Vec3View albedo,
+             float* rgb) {
+    if (!context || !light || !rgb || (!transfer.data && transfer.count > 0))
+        return {StatusCode::invalid_argument, "not shaded: context, light, transfer or rgb is null"};
+    if (transfer.stride < 100 || transfer.stride % 4 != 0 ||
+        (albedo.data && (albedo.count != transfer.count || albedo.stride < 12)))
+        return {StatusCode::invalid_argument, "not shaded: a stride is too small, or albedo and transfer "
+                                              "differ in count; strides are in bytes"};
+    context->kernels->shade(light, transfer.data, transfer.stride, transfer.count, rgb);
+    for (size_t i = 0; albedo.data && i < transfer.count; ++i) {
+        const float* a =
+            reinterpret_cast<const float*>(reinterpret_cast<const char*>(albedo.data) + i * albedo.stride);
+        for (uint32_t c = 0; c < 3; ++c)
+            rgb[3 * i + c] *= a[c];
+    }
+    return {};
+}
+
+} // namespace nusselt

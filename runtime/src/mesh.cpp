@@ -1,0 +1,122 @@
+#include "context_data.h"
+#include "jobs/float_environment.h"
+#include "levels.h"
+
+namespace nusselt {
+
+namespace {
+
+constexpr size_t most = size_t(1) << 27; // vertices or triangles of a mesh
+
+Status check(const MeshDesc& desc) {
+    const auto bad = [](const char* text) { return Status{StatusCode::invalid_argument, text}; };
+    const Vec3View& p = desc.rest_positions;
+    const Vec3View& n = desc.rest_normals;
+    if (!p.data || p.count == 0)
+        return bad("mesh not added: it has no vertices; give at least one rest position");
+    if (p.count > most || desc.index_count / 3 > most)
+        return bad("mesh not added: more than 2^27 vertices or triangles; split it into several meshes");
+    if (p.stride < 12 || p.stride % 4 != 0 || (n.data && (n.stride < 12 || n.stride % 4 != 0)))
+        return bad("mesh not added: a stride is under 12 bytes or no multiple of 4; strides are in bytes");
+    if (n.data && n.count != p.count)
+        return bad(
+            "mesh not added: as many rest normals as rest positions are needed; give none to have them made");
+    if (desc.index_count % 3 != 0)
+        return bad("mesh not added: the index count is no multiple of 3; give three indices a triangle");
+    if (desc.index_count > 0 && !desc.indices)
+        return bad("mesh not added: indices is null although index_count is not 0");
+    for (size_t i = 0; i < desc.index_count; ++i) {
+        if (desc.indices[i] >= p.count)
+            return bad(
+                "mesh not added: an index is not below the number of vertices; check the index buffer");
+    }
+    return {};
+}
+
+template<class T>
+size_t bytes_of(const Vector<T>& v) {
+    return v.capacity() * sizeof(T);
+}
+
+size_t bytes_of(const Clusters& c) {
+    return bytes_of(c.vertex_begin) + bytes_of(c.edge_begin) + bytes_of(c.triangle_begin) +
+           bytes_of(c.own_group) + bytes_of(c.parent_group) + bytes_of(c.two_sided) + bytes_of(c.level) +
+           bytes_of(c.vertices) + bytes_of(c.edges) + bytes_of(c.triangles);
+}
+
+size_t bytes_of(const MeshData& m) {
+    return sizeof(m) + bytes_of(m.weld) + bytes_of(m.weld_source) + bytes_of(m.fan_begin) + bytes_of(m.fan) +
+           bytes_of(m.receivers) + bytes_of(m.duplicates) + bytes_of(m.duplicate_of) +
+           bytes_of(m.full_triangles) + bytes_of(m.ring_begin) + bytes_of(m.ring) +
+           bytes_of(m.full_two_sided) + bytes_of(m.clusters) + bytes_of(m.groups.cluster_begin) +
+           bytes_of(m.groups.clusters) + bytes_of(m.groups.relative_error) + bytes_of(m.coarse_clusters);
+}
+
+const Status no_context{StatusCode::invalid_argument,
+                        "nothing done: the context is null; make one with create_context"};
+const Status stale{
+    StatusCode::stale_handle,
+    "nothing done: no mesh of this context has that handle; it was removed, or is another context's"};
+
+} // namespace
+
+Status add_mesh(Context* context, const MeshDesc& desc, MeshId* out) {
+    if (!context) return no_context;
+    if (!out)
+        return {StatusCode::invalid_argument, "mesh not added: out is null; pass where to write the handle"};
+    *out = {};
+    if (const Status status = check(desc); !status.ok()) return status;
+    MeshData* data = nullptr;
+    const jobs::FloatEnvironment environment;
+    try {
+        MeshInfo info;
+        data = make<MeshData>(context->allocator, context->allocator);
+        build_mesh(desc, LevelOptions{}, context->allocator, *data, info);
+        info.bytes = bytes_of(*data);
+        const std::lock_guard lock(context->guard);
+        uint32_t slot = 0;
+        while (slot < context->meshes.size() && context->meshes[slot].data)
+            ++slot;
+        if (slot == context->meshes.size()) context->meshes.emplace_back();
+        context->meshes[slot].data = data;
+        context->meshes[slot].info = info;
+        *out = {slot, context->meshes[slot].generation};
+    } catch (const std::bad_alloc&) {
+        unmake(context->allocator, data);
+        return {StatusCode::out_of_memory,
+                "mesh not added: the allocator gave no memory; free some and try again"};
+    }
+    return {};
+}
+
+MeshSlot* find_mesh(Context& context, MeshId mesh) {
+    if (mesh.generation == 0 || mesh.slot >= context.meshes.size()) return nullptr;
+    MeshSlot& slot = context.meshes[mesh.slot];
+    return slot.data && slot.generation == mesh.generation ? &slot : nullptr;
+}
+
+Status remove_mesh(Context* context, MeshId mesh) {
+    if (!context) return no_context;
+    const std::lock_guard lock(context->guard);
+    MeshSlot* slot = find_mesh(*context, mesh);
+    if (!slot) return stale;
+    if (slot->frames > 0)
+        return {StatusCode::busy, "mesh not removed: a frame in flight uses it; wait for the frame first"};
+    unmake(context->allocator, slot->data);
+    slot->data = nullptr;
+    ++slot->generation;
+    return {};
+}
+
+Status mesh_info(const Context* context, MeshId mesh, MeshInfo* out) {
+    if (!context) return no_context;
+    if (!out) return {StatusCode::invalid_argument, "no answer: out is null; pass where to write it"};
+    Context& c = *const_cast<Context*>(context); // to lock it
+    const std::lock_guard lock(c.guard);
+    const MeshSlot* slot = find_mesh(c, mesh);
+    if (!slot) return stale;
+    *out = slot->info;
+    return {};
+}
+
+} // namespace nusselt

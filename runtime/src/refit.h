@@ -1,0 +1,15 @@
+// The mesh-wide stages of a frame: positions to frame space, planes, bounds of clusters and groups.
+#pragma once
+
+#include "frame_data.h"
+
+namespace nusselt {
+
+// Tasks of the frame's graph; `context` is the Frame, items as named.
+void measure_extents(void* context, uint32_t begin, uint32_t end, uint32_t slot); // chunks of points
+void choose_scale(void* context, uint32_t begin, uint32_t end, uint32_t slot);    // one item
+void place_points(void* context, uint32_t begin, uint32_t end, uint32_t slot);    // chunks of points
+void refit_clusters(void* context, uint32_t begin, uint32_t end, uint32_t slot);  // clusters
+void refit_groups(void* context, uint32_t begin, uint32_t end, uint32_t slot);    // meshes
+
+} // namespace nusselt
