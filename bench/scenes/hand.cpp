@@ -128,6 +128,11 @@ float hand_field(const std::array<Digit, digit_count>& digits, const glm::vec3& 
     d += palm_lines(point);
     for (size_t f = 0; f < digit_count; ++f) {
         const Digit& digit = digits[f];
+        const float blend = f == thumb ? 1.3f : 0.75f;
+        // Too far to matter: a ball around the digit, generous by its pads and blends.
+        const glm::vec3 middle_of_all = 0.5f * (digit.joints[0] + digit.joints[3]);
+        const float reach = 0.5f * glm::distance(digit.joints[0], digit.joints[3]) + digit.radii[0] + 1;
+        if (glm::distance(point, middle_of_all) - reach > d + blend) continue;
         float own = 1e9f;
         for (size_t bone = 0; bone < 3; ++bone) {
             const Limb limb{digit.joints[bone], digit.joints[bone + 1], digit.radii[bone],
@@ -148,7 +153,7 @@ float hand_field(const std::array<Digit, digit_count>& digits, const glm::vec3& 
             own = smooth_min(own, distance(pad, point), 0.4f);
         }
         own += crease(digit, point) - 0.05f * smooth_step(0, 0.4f, nail(digit, point));
-        d = smooth_min(d, own, f == thumb ? 1.3f : 0.75f);
+        d = smooth_min(d, own, blend);
     }
     return d;
 }
