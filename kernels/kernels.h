@@ -31,8 +31,8 @@ struct alignas(64) Batch {
 // polar angles a, p; so the rotation to the caller's space is Rz(p) Ry(a), without a third angle.
 using PrepareBatch = void (*)(Batch& batch, const float normal[3][lanes]);
 
-// Bounds of clusters and of groups of clusters in a frame; one array a component, `count` entries and
-// readable up to the next multiple of 16.
+// Bounds of clusters in a frame; one array a component, `count` entries and readable up to the next multiple
+// of 16. A cluster stands for its surface at the distances [nearest, farthest) from the receiver.
 struct ClusterBounds {
     const float* centre[3];
     const float* radius;
@@ -40,45 +40,35 @@ struct ClusterBounds {
     const float*
         cone_cos; // -1 where the cone is of no use (wide, degenerate, or the cluster blocks from both sides)
     const float* cone_sin;
-    const uint32_t* own_group; // into `accepted`, see select_clusters
-    const uint32_t* parent_group;
-    uint32_t count;
-};
-struct GroupBounds {
-    const float* centre[3];
-    const float* radius;
-    const float* error; // in the frame's space; never below a child's
+    const float* nearest;
+    const float* farthest;
     uint32_t count;
 };
 
-// Which simplifications are fine enough: accepted[g] = 1 where error <= angle * distance, 0 elsewhere.
-// Distance is from the centre of `receivers` to the group's sphere, less `radius`: the receivers' own for a
-// batch; for a region of batches their radius for "all batches accept", its negative for "some batch may
-// accept". accepted[count] = 1 (the full mesh) and accepted[count + 1] = 0 (what nothing replaces); room for
-// 32 entries more.
-using AcceptGroups = void (*)(const ReceiverBounds& receivers, float radius, const GroupBounds& groups,
-                              float angle, uint8_t* accepted);
-
-// The clusters of the cut (own_accepted[own group] and not parent_accepted[parent group]) that can reach the
-// receivers' hemispheres: not wholly below the elevation `horizon` (tangent of the angle above the tangent
-// plane), not wholly back-facing. Conservative. Looks at `candidates` (null: all clusters, `candidate_count`
-// of them), keeps their order, writes up to candidate_count + 16 numbers to `selected`; returns how many.
-// *tested += the clusters of the cut.
+// The clusters that can reach the receivers' hemispheres: in their band of distances, not wholly below the
+// elevation `horizon` (tangent of the angle above the tangent plane), not wholly back-facing. Conservative.
+// Looks at `candidates` (null: the first `candidate_count` clusters), keeps their order, writes up to
+// candidate_count + 16 numbers to `selected`; returns how many. *tested += the clusters in their band.
 using SelectClusters = uint32_t (*)(const ReceiverBounds& receivers, const ClusterBounds& clusters,
-                                    const uint8_t* own_accepted, const uint8_t* parent_accepted,
                                     const uint32_t* candidates, uint32_t candidate_count, float horizon,
                                     uint32_t* selected, uint64_t* tested);
 
-// One cluster's triangles, as the mesh keeps them (runtime/src/mesh_data.h), and their planes in this frame.
+// One cluster's triangles, as the mesh keeps them (runtime/src/mesh_data.h), and their bounds in this frame.
 struct ClusterView {
     const uint32_t* vertices; // into points
     const uint8_t* edges;     // 2 an edge: corners
     const uint8_t* triangles; // 8 a triangle: corner[3], edge[3], flipped, unused
-    const float* planes;      // 4 a triangle: unit normal and distance; (0, 0, 0, 0) for a degenerate one
+    // 8 arrays of triangle_slots(triangle_count) floats: unit normal (x, y, z) and distance of the plane, centre
+    // (x, y, z) and radius of a sphere. A degenerate triangle has normal and distance 0; so have the slots past the
+    // last, and radius -FLT_MAX.
+    const float* bounds;
     uint32_t vertex_count, edge_count, triangle_count;
     uint32_t two_sided;
     float centre[3], radius;
+    float nearest, farthest; // band of distances; a triangle is in it where its nearest corner is below `farthest` and
+                             // its farthest corner is not below `nearest`, so that levels overlap and leave no gap
 };
+constexpr uint32_t triangle_slots(uint32_t triangles) { return (triangles + 15) / 16 * 16; }
 
 // Rasterisation jobs of half masks: mask half `destination` |= AND of the half-spaces of three entries.
 // Arrays of `job_capacity`, plus 16 of slack.
@@ -99,7 +89,7 @@ struct Counters {
 };
 
 struct alignas(64) ClusterScratch {
-    float local[cluster_vertices][4][lanes]; // x, y, z and the height over the horizon
+    float local[cluster_vertices][5][lanes]; // x, y, z, height over the horizon, squared distance
     uint32_t entry[cluster_edges][lanes];
 };
 
@@ -146,7 +136,6 @@ using EvaluateSh = void (*)(const float* x, const float* y, const float* z, size
 struct Kernels {
     const char* name;
     PrepareBatch prepare_batch;
-    AcceptGroups accept_groups;
     SelectClusters select_clusters;
     ClusterJobs cluster_jobs;
     TriangleJobs triangle_jobs;

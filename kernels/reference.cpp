@@ -114,27 +114,18 @@ uint32_t bit_count(uint32_t value) {
     return count;
 }
 
-void accept_groups(const ReceiverBounds& receivers, float radius, const GroupBounds& groups, float angle,
-                   uint8_t* accepted) {
-    for (uint32_t g = 0; g < groups.count; ++g) {
-        const float x = groups.centre[0][g] - receivers.centre[0],
-                    y = groups.centre[1][g] - receivers.centre[1],
-                    z = groups.centre[2][g] - receivers.centre[2];
-        const float distance = std::sqrt(x * x + y * y + z * z) - (groups.radius[g] + radius);
-        accepted[g] = groups.error[g] <= angle * larger(distance, 0);
-    }
-    accepted[groups.count] = 1;
-    accepted[groups.count + 1] = 0;
-}
+enum class Reach { out_of_band, culled, reaches };
 
-bool cluster_reaches(const ReceiverBounds& receivers, const ClusterBounds& clusters, uint32_t c,
-                     float horizon) {
+Reach cluster_reach(const ReceiverBounds& receivers, const ClusterBounds& clusters, uint32_t c,
+                    float horizon) {
     const float x = clusters.centre[0][c] - receivers.centre[0],
                 y = clusters.centre[1][c] - receivers.centre[1],
                 z = clusters.centre[2][c] - receivers.centre[2];
-    const float square = x * x + y * y + z * z;
+    const float square = x * x + y * y + z * z, distance = std::sqrt(square);
     // A little more than the spheres: the tests' own rounding must not cull.
-    const float reach = (clusters.radius[c] + receivers.radius) * 1.00001f + std::sqrt(square) * 1e-6f;
+    const float reach = (clusters.radius[c] + receivers.radius) * 1.00001f + distance * 1e-6f;
+    if (!(distance - reach < clusters.farthest[c] && distance + reach >= clusters.nearest[c]))
+        return Reach::out_of_band;
     const float along = x * receivers.cone[0] + y * receivers.cone[1] + z * receivers.cone[2];
     const float across = std::sqrt(larger(square - along * along, 0));
     const float height = along * receivers.cone_cos + across * receivers.cone_sin;
@@ -144,21 +135,32 @@ bool cluster_reaches(const ReceiverBounds& receivers, const ClusterBounds& clust
     const float facing = 0.0f - (x * clusters.cone[0][c] + y * clusters.cone[1][c] + z * clusters.cone[2][c]);
     const float beside = std::sqrt(larger(square - facing * facing, 0));
     const bool back = facing * clusters.cone_cos[c] + beside * clusters.cone_sin[c] + reach < 0;
-    return !(low && receivers.cone_cos > 0) && !(back && clusters.cone_cos[c] > 0);
+    const bool culled = (low && receivers.cone_cos > 0) || (back && clusters.cone_cos[c] > 0);
+    return culled ? Reach::culled : Reach::reaches;
 }
 
 uint32_t select_clusters(const ReceiverBounds& receivers, const ClusterBounds& clusters,
-                         const uint8_t* own_accepted, const uint8_t* parent_accepted,
                          const uint32_t* candidates, uint32_t candidate_count, float horizon,
                          uint32_t* selected, uint64_t* tested) {
     uint32_t count = 0;
     for (uint32_t i = 0; i < candidate_count; ++i) {
         const uint32_t c = candidates ? candidates[i] : i;
-        if (!own_accepted[clusters.own_group[c]] || parent_accepted[clusters.parent_group[c]]) continue;
-        ++*tested;
-        if (cluster_reaches(receivers, clusters, c, horizon)) selected[count++] = c;
+        const Reach reach = cluster_reach(receivers, clusters, c, horizon);
+        *tested += reach != Reach::out_of_band;
+        if (reach == Reach::reaches) selected[count++] = c;
     }
     return count;
+}
+
+bool in_band(const ClusterView& cluster, const Vec corner[3]) {
+    float low = FLT_MAX, high = 0;
+    for (uint32_t k = 0; k < 3; ++k) {
+        const float square =
+            corner[k].x * corner[k].x + corner[k].y * corner[k].y + corner[k].z * corner[k].z;
+        low = square < low ? square : low;
+        high = square > high ? square : high;
+    }
+    return low < cluster.farthest * cluster.farthest && high >= cluster.nearest * cluster.nearest;
 }
 
 void cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* points,
@@ -174,7 +176,9 @@ void cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* p
     }
     for (uint32_t t = 0; t < cluster.triangle_count; ++t) {
         const uint8_t* triangle = cluster.triangles + 8 * t;
-        const float* plane = cluster.planes + 4 * t;
+        const uint32_t slots = triangle_slots(cluster.triangle_count);
+        const float plane[4] = {cluster.bounds[t], cluster.bounds[slots + t], cluster.bounds[2 * slots + t],
+                                cluster.bounds[3 * slots + t]};
         uint32_t entry[3][lanes];
         Vec corner[3][lanes];
         uint32_t active = 0;
@@ -189,6 +193,8 @@ void cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* p
                 corner[k][lane] = to_local(batch, lane, {p[0], p[1], p[2]});
             }
             if (!above_horizon(towards[lane], corner[0][lane], corner[1][lane], corner[2][lane])) continue;
+            const Vec three[3] = {corner[0][lane], corner[1][lane], corner[2][lane]};
+            if (!in_band(cluster, three)) continue;
             bool valid = true;
             for (uint32_t k = 0; k < 3; ++k) {
                 const uint8_t* edge = cluster.edges + 2 * triangle[3 + k];
@@ -383,8 +389,8 @@ void evaluate_sh(const float* x, const float* y, const float* z, size_t count, f
 
 } // namespace
 
-const Kernels reference_kernels = {"scalar",      prepare_batch, accept_groups, select_clusters, cluster_jobs,
-                                   triangle_jobs, fan_jobs,      run_jobs,      integrate,       rotate,
-                                   downsample,    shade,         evaluate_sh};
+const Kernels reference_kernels = {"scalar",      prepare_batch, select_clusters, cluster_jobs,
+                                   triangle_jobs, fan_jobs,      run_jobs,        integrate,
+                                   rotate,        downsample,    shade,           evaluate_sh};
 
 } // namespace nusselt::kernels

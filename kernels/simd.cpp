@@ -186,84 +186,117 @@ void prepare_batch(Batch& batch, const float normal[3][lanes]) {
     kernels::prepare_batch(batch, normal);
 }
 
-void accept_groups(const ReceiverBounds& receivers, float radius, const GroupBounds& groups, float angle,
-                   uint8_t* accepted) {
-    const hn::Rebind<uint8_t, Int> bytes;
-    const V cx = constant(receivers.centre[0]), cy = constant(receivers.centre[1]),
-            cz = constant(receivers.centre[2]);
-    const V r = constant(radius), slope = constant(angle);
-    for (uint32_t g = 0; g < groups.count; g += width) {
-        const V x = hn::Sub(hn::LoadU(df, groups.centre[0] + g), cx),
-                y = hn::Sub(hn::LoadU(df, groups.centre[1] + g), cy),
-                z = hn::Sub(hn::LoadU(df, groups.centre[2] + g), cz);
-        const V distance =
-            hn::Sub(hn::Sqrt(dot(x, y, z, x, y, z)), hn::Add(hn::LoadU(df, groups.radius + g), r));
-        const M fine =
-            hn::Le(hn::LoadU(df, groups.error + g), hn::Mul(slope, larger(distance, hn::Zero(df))));
-        const auto one = hn::IfThenElseZero(hn::RebindMask(di, fine), hn::Set(di, 1));
-        hn::StoreU(hn::DemoteTo(bytes, one), bytes, accepted + g);
-    }
-    accepted[groups.count] = 1;
-    accepted[groups.count + 1] = 0;
+// Which of a register's clusters are in their band, and which of those reach the receivers.
+struct Reach {
+    M in_band, reaches;
+};
+
+// `load` reads a register's clusters from one of the bounds' arrays.
+template<class Load>
+HWY_INLINE Reach cluster_reach(const ReceiverBounds& receivers, const ClusterBounds& clusters,
+                               const Load& load, float horizon) {
+    const V zero = hn::Zero(df);
+    const V x = hn::Sub(load(clusters.centre[0]), constant(receivers.centre[0])),
+            y = hn::Sub(load(clusters.centre[1]), constant(receivers.centre[1])),
+            z = hn::Sub(load(clusters.centre[2]), constant(receivers.centre[2]));
+    const V square = dot(x, y, z, x, y, z), distance = hn::Sqrt(square);
+    const V reach =
+        hn::Add(hn::Mul(hn::Add(load(clusters.radius), constant(receivers.radius)), constant(1.00001f)),
+                hn::Mul(distance, constant(1e-6f)));
+    const M in_band = hn::And(hn::Lt(hn::Sub(distance, reach), load(clusters.farthest)),
+                              hn::Ge(hn::Add(distance, reach), load(clusters.nearest)));
+    const V cone_cos = constant(receivers.cone_cos), cone_sin = constant(receivers.cone_sin);
+    const V along =
+        dot(x, y, z, constant(receivers.cone[0]), constant(receivers.cone[1]), constant(receivers.cone[2]));
+    const V across = hn::Sqrt(larger(hn::Sub(square, hn::Mul(along, along)), zero));
+    const V height = hn::Add(hn::Mul(along, cone_cos), hn::Mul(across, cone_sin));
+    const V side = hn::Sub(hn::Mul(across, cone_cos), hn::Mul(along, cone_sin));
+    const V steep = hn::Mul(reach, constant(std::sqrt(1 + horizon * horizon)));
+    const M under = hn::Lt(hn::Add(height, reach), zero);
+    const M lower = hn::And(hn::Lt(hn::Add(hn::Sub(height, hn::Mul(constant(horizon), side)), steep), zero),
+                            hn::Gt(square, hn::Mul(steep, steep)));
+    const V facing =
+        hn::Sub(zero, dot(x, y, z, load(clusters.cone[0]), load(clusters.cone[1]), load(clusters.cone[2])));
+    const V beside = hn::Sqrt(larger(hn::Sub(square, hn::Mul(facing, facing)), zero));
+    const V cosine = load(clusters.cone_cos);
+    const M back = hn::Lt(
+        hn::Add(hn::Add(hn::Mul(facing, cosine), hn::Mul(beside, load(clusters.cone_sin))), reach), zero);
+    const M low = hn::And(hn::Gt(cone_cos, zero), hn::Or(under, lower));
+    const M culled = hn::Or(low, hn::And(back, hn::Gt(cosine, zero)));
+    return {in_band, hn::AndNot(culled, in_band)};
 }
 
 uint32_t select_clusters(const ReceiverBounds& receivers, const ClusterBounds& clusters,
-                         const uint8_t* own_accepted, const uint8_t* parent_accepted,
                          const uint32_t* candidates, uint32_t candidate_count, float horizon,
                          uint32_t* selected, uint64_t* tested) {
-    uint32_t cut = 0;
-    for (uint32_t i = 0; i < candidate_count; ++i) {
-        const uint32_t c = candidates ? candidates[i] : i;
-        selected[cut] = c;
-        cut += own_accepted[clusters.own_group[c]] & ~parent_accepted[clusters.parent_group[c]] & 1u;
-    }
-    *tested += cut;
-    const V rx = constant(receivers.centre[0]), ry = constant(receivers.centre[1]),
-            rz = constant(receivers.centre[2]);
-    const V cone_cos = constant(receivers.cone_cos), cone_sin = constant(receivers.cone_sin);
-    const V slope = constant(std::sqrt(1 + horizon * horizon)), tangent = constant(horizon);
-    const M narrow = hn::Gt(cone_cos, hn::Zero(df));
     uint32_t count = 0;
-    for (uint32_t i = 0; i < cut; i += width) {
-        const uint32_t rest = cut - i < width ? cut - i : width;
-        const auto in_range = hn::FirstN(di, rest);
-        const auto index = hn::IfThenElseZero(in_range, hn::BitCast(di, hn::LoadU(du, selected + i)));
-        const auto gather = [&](const float* array) HWY_ATTR { return hn::GatherIndex(df, array, index); };
-        const V x = hn::Sub(gather(clusters.centre[0]), rx), y = hn::Sub(gather(clusters.centre[1]), ry),
-                z = hn::Sub(gather(clusters.centre[2]), rz);
-        const V square = dot(x, y, z, x, y, z);
-        const V reach =
-            hn::Add(hn::Mul(hn::Add(gather(clusters.radius), constant(receivers.radius)), constant(1.00001f)),
-                    hn::Mul(hn::Sqrt(square), constant(1e-6f)));
-        const V along = dot(x, y, z, constant(receivers.cone[0]), constant(receivers.cone[1]),
-                            constant(receivers.cone[2]));
-        const V across = hn::Sqrt(larger(hn::Sub(square, hn::Mul(along, along)), hn::Zero(df)));
+    uint64_t in_band = 0;
+    for (uint32_t i = 0; i < candidate_count; i += width) {
+        const M present = hn::FirstN(df, candidate_count - i);
+        U numbers = hn::Iota(du, i);
+        Reach reach;
+        if (candidates) {
+            // Lanes past the end look at cluster 0: a number read there may be anything.
+            numbers = hn::IfThenElseZero(hn::RebindMask(du, present), hn::LoadU(du, candidates + i));
+            const auto index = hn::BitCast(di, numbers);
+            const auto load = [&](const float* array) HWY_ATTR { return hn::GatherIndex(df, array, index); };
+            reach = cluster_reach(receivers, clusters, load, horizon);
+        } else {
+            const auto load = [&](const float* array) HWY_ATTR { return hn::LoadU(df, array + i); };
+            reach = cluster_reach(receivers, clusters, load, horizon);
+        }
+        const M keep = hn::And(reach.reaches, present);
+        in_band += hn::CountTrue(df, hn::And(reach.in_band, present));
+        hn::StoreU(hn::Compress(numbers, hn::RebindMask(du, keep)), du, selected + count);
+        count += static_cast<uint32_t>(hn::CountTrue(df, keep));
+    }
+    *tested += in_band;
+    return count;
+}
+
+// The cluster's triangles that some receiver of the batch may see, one bit each: lanes are triangles here, so that a
+// triangle which no receiver sees costs a sixteenth of one that is worked on. Conservative.
+HWY_INLINE uint64_t visible_triangles(const ReceiverBounds& receivers, const ClusterView& cluster, float horizon) {
+    const uint32_t slots = triangle_slots(cluster.triangle_count);
+    const V zero = hn::Zero(df), slope = constant(std::sqrt(1 + horizon * horizon)), tangent = constant(horizon);
+    const V px = constant(receivers.centre[0]), py = constant(receivers.centre[1]), pz = constant(receivers.centre[2]);
+    const V cone_cos = constant(receivers.cone_cos), cone_sin = constant(receivers.cone_sin);
+    const V radius = constant(receivers.radius * 1.00001f + 1e-6f);
+    const M narrow = hn::Gt(cone_cos, zero);
+    const M two_sided = hn::Gt(constant(cluster.two_sided ? 1.0f : 0.0f), zero);
+    uint64_t visible = 0;
+    for (uint32_t t = 0; t < slots; t += width) {
+        const auto load = [&](uint32_t array) HWY_ATTR { return hn::LoadU(df, cluster.bounds + array * slots + t); };
+        const V height_over = hn::Sub(dot(load(0), load(1), load(2), px, py, pz), load(3));
+        const M front = hn::Or(two_sided, hn::Gt(hn::Add(height_over, radius), zero));
+        const V x = hn::Sub(load(4), px), y = hn::Sub(load(5), py), z = hn::Sub(load(6), pz);
+        const V square = dot(x, y, z, x, y, z), distance = hn::Sqrt(square);
+        const V reach = hn::Add(hn::Add(load(7), radius), hn::Mul(distance, constant(1e-6f)));
+        const M in_band = hn::And(hn::Lt(hn::Sub(distance, reach), constant(cluster.farthest)),
+                                  hn::Ge(hn::Add(distance, reach), constant(cluster.nearest)));
+        const V along =
+            dot(x, y, z, constant(receivers.cone[0]), constant(receivers.cone[1]), constant(receivers.cone[2]));
+        const V across = hn::Sqrt(larger(hn::Sub(square, hn::Mul(along, along)), zero));
         const V height = hn::Add(hn::Mul(along, cone_cos), hn::Mul(across, cone_sin));
         const V side = hn::Sub(hn::Mul(across, cone_cos), hn::Mul(along, cone_sin));
         const V steep = hn::Mul(reach, slope);
-        const M under = hn::Lt(hn::Add(height, reach), hn::Zero(df));
-        const M lower = hn::And(hn::Lt(hn::Add(hn::Sub(height, hn::Mul(tangent, side)), steep), hn::Zero(df)),
+        const M under = hn::Lt(hn::Add(height, reach), zero);
+        const M lower = hn::And(hn::Lt(hn::Add(hn::Sub(height, hn::Mul(tangent, side)), steep), zero),
                                 hn::Gt(square, hn::Mul(steep, steep)));
-        const V facing = hn::Sub(hn::Zero(df), dot(x, y, z, gather(clusters.cone[0]),
-                                                   gather(clusters.cone[1]), gather(clusters.cone[2])));
-        const V beside = hn::Sqrt(larger(hn::Sub(square, hn::Mul(facing, facing)), hn::Zero(df)));
-        const V cosine = gather(clusters.cone_cos);
-        const M back = hn::Lt(
-            hn::Add(hn::Add(hn::Mul(facing, cosine), hn::Mul(beside, gather(clusters.cone_sin))), reach),
-            hn::Zero(df));
-        const M culled =
-            hn::Or(hn::And(narrow, hn::Or(under, lower)), hn::And(back, hn::Gt(cosine, hn::Zero(df))));
-        const auto keep = hn::AndNot(hn::RebindMask(di, culled), in_range);
-        hn::StoreU(hn::Compress(hn::BitCast(du, index), hn::RebindMask(du, keep)), du, selected + count);
-        count += static_cast<uint32_t>(hn::CountTrue(di, keep));
+        const M low = hn::And(narrow, hn::Or(under, lower));
+        visible |= uint64_t(bits_of(hn::AndNot(low, hn::And(front, in_band)))) << t;
     }
-    return count;
+    return cluster.triangle_count < 64 ? visible & ((1ull << cluster.triangle_count) - 1) : visible;
 }
 
 template<PlaneMap map>
 void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float* points,
                      const MaskLayout& layout, float horizon, ClusterScratch& scratch, JobList& jobs,
                      Counters& counters) {
+    counters.triangles_considered += uint64_t(__builtin_popcount(batch.valid)) * cluster.triangle_count;
+    const uint64_t visible = visible_triangles(batch.bounds, cluster, horizon);
+    if (!visible) return;
+    const uint32_t slots = triangle_slots(cluster.triangle_count);
     for (uint32_t lane = 0; lane < lanes; lane += width) {
         const uint32_t valid = batch.valid >> lane & chunk_bits;
         if (!valid) continue;
@@ -274,22 +307,26 @@ void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float
         const V margin = hn::Mul(constant(1e-6f), hn::Add(distance, constant(cluster.radius)));
         const V opposite = hn::Sub(hn::Zero(df), margin);
         const Horizon towards = horizon_towards(horizon, middle.x, middle.y);
-        const uint32_t considered = static_cast<uint32_t>(__builtin_popcount(valid));
-        counters.triangles_considered += uint64_t(considered) * cluster.triangle_count;
+        const V farthest = constant(cluster.farthest * cluster.farthest),
+                nearest = constant(cluster.nearest * cluster.nearest);
 
         // Facing first, from the planes alone: it spares half of the corners their transformation.
         uint32_t front[cluster_triangles], back[cluster_triangles];
         uint64_t corners = 0;
-        for (uint32_t t = 0; t < cluster.triangle_count; ++t) {
-            const float* plane = cluster.planes + 4 * t;
-            const V height = hn::Sub(dot(constant(plane[0]), constant(plane[1]), constant(plane[2]),
+        uint64_t seen = 0;
+        for (uint64_t left = visible; left; left &= left - 1) {
+            const uint32_t t = static_cast<uint32_t>(__builtin_ctzll(left));
+            const float* plane = cluster.bounds + t;
+            const V height = hn::Sub(dot(constant(plane[0]), constant(plane[slots]), constant(plane[2 * slots]),
                                          chunk.position[0], chunk.position[1], chunk.position[2]),
-                                     constant(plane[3]));
+                                     constant(plane[3 * slots]));
             front[t] = bits_of(hn::Gt(height, margin)) & valid;
             back[t] = cluster.two_sided ? bits_of(hn::Lt(height, opposite)) & valid : 0;
             const uint8_t* triangle = cluster.triangles + 8 * t;
             const uint64_t own = 1ull << triangle[0] | 1ull << triangle[1] | 1ull << triangle[2];
-            corners |= front[t] | back[t] ? own : 0;
+            const bool any = (front[t] | back[t]) != 0;
+            corners |= any ? own : 0;
+            seen |= uint64_t(any) << t;
         }
         for (uint64_t left = corners; left; left &= left - 1) {
             const uint32_t v = static_cast<uint32_t>(__builtin_ctzll(left));
@@ -299,20 +336,25 @@ void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float
             hn::Store(local.y, df, scratch.local[v][1]);
             hn::Store(local.z, df, scratch.local[v][2]);
             hn::Store(over_horizon(towards, local), df, scratch.local[v][3]);
+            hn::Store(dot(local.x, local.y, local.z, local.x, local.y, local.z), df, scratch.local[v][4]);
         }
-        uint64_t edges[2] = {0, 0};
-        for (uint32_t t = 0; t < cluster.triangle_count; ++t) {
-            if (!(front[t] | back[t])) continue;
+        uint64_t edges[2] = {0, 0}, drawn = 0;
+        for (uint64_t left = seen; left; left &= left - 1) {
+            const uint32_t t = static_cast<uint32_t>(__builtin_ctzll(left));
             const uint8_t* triangle = cluster.triangles + 8 * t;
             const auto& a = scratch.local[triangle[0]];
             const auto& b = scratch.local[triangle[1]];
             const auto& c = scratch.local[triangle[2]];
             const V height = larger(larger(hn::Load(df, a[2]), hn::Load(df, b[2])), hn::Load(df, c[2]));
             const V over = larger(larger(hn::Load(df, a[3]), hn::Load(df, b[3])), hn::Load(df, c[3]));
-            const uint32_t reaches = bits_of(hn::Gt(hn::Min(height, over), hn::Zero(df)));
+            const V da = hn::Load(df, a[4]), db = hn::Load(df, b[4]), dc = hn::Load(df, c[4]);
+            const M in_band = hn::And(hn::Lt(hn::Min(hn::Min(da, db), dc), farthest),
+                                      hn::Ge(hn::Max(hn::Max(da, db), dc), nearest));
+            const uint32_t reaches = bits_of(hn::And(hn::Gt(hn::Min(height, over), hn::Zero(df)), in_band));
             front[t] &= reaches;
             back[t] &= reaches;
             if (!(front[t] | back[t])) continue;
+            drawn |= 1ull << t;
             for (uint32_t k = 3; k < 6; ++k)
                 edges[triangle[k] >> 6] |= 1ull << (triangle[k] & 63);
         }
@@ -327,8 +369,8 @@ void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float
             }
         }
         const uint32_t complement = entry_complement(layout);
-        for (uint32_t t = 0; t < cluster.triangle_count; ++t) {
-            if (!(front[t] | back[t])) continue;
+        for (uint64_t left = drawn; left; left &= left - 1) {
+            const uint32_t t = static_cast<uint32_t>(__builtin_ctzll(left));
             const uint8_t* triangle = cluster.triangles + 8 * t;
             const U turned =
                 hn::IfThenElseZero(hn::RebindMask(du, mask_of(back[t])), hn::Set(du, complement));
@@ -641,9 +683,8 @@ constexpr const char* set_name() {
 } // namespace
 
 extern const Kernels table;
-const Kernels table = {set_name(),    prepare_batch, accept_groups, select_clusters, cluster_jobs,
-                       triangle_jobs, fan_jobs,      run_jobs,      integrate,       rotate,
-                       downsample,    shade,         evaluate_sh};
+const Kernels table = {set_name(), prepare_batch, select_clusters, cluster_jobs, triangle_jobs, fan_jobs,
+                       run_jobs,   integrate,     rotate,          downsample,   shade,         evaluate_sh};
 
 } // namespace HWY_NAMESPACE
 } // namespace nusselt::kernels

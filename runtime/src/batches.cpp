@@ -143,11 +143,8 @@ void shadow_batch(const Frame& frame, const MeshSlice& slice, const uint32_t* re
     Counters& counters = worker.tally.counters;
     uint32_t selected = 0;
     if (batch.valid) {
-        k.accept_groups(batch.bounds, batch.bounds.radius, frame.group_bounds, frame.quality.angle,
-                        worker.accepted.data());
-        selected = k.select_clusters(batch.bounds, frame.cluster_bounds, worker.accepted.data(),
-                                     worker.accepted.data(), candidates, candidate_count, tables.horizon,
-                                     worker.selected.data(), &worker.tally.clusters_tested);
+        selected = k.select_clusters(batch.bounds, frame.cluster_bounds, candidates, candidate_count,
+                                     tables.horizon, worker.selected.data(), &worker.tally.clusters_tested);
     }
     worker.tally.clusters_rasterized += selected;
     clock.lap(cull_stage);
@@ -219,15 +216,6 @@ ReceiverBounds unite(const ReceiverBounds* batches, uint32_t count) {
     return all;
 }
 
-const MeshSlice& slice_of(const Frame& frame, uint32_t MeshSlice::*first, uint32_t item) {
-    size_t low = 0, high = frame.meshes.size();
-    while (high - low > 1) {
-        const size_t middle = (low + high) / 2;
-        (frame.meshes[middle].*first <= item ? low : high) = middle;
-    }
-    return frame.meshes[low];
-}
-
 void shadow_region(Frame& frame, uint32_t region, Worker& worker) {
     const MeshSlice& slice = slice_of(frame, &MeshSlice::first_region, region);
     const Kernels& k = *frame.kernels;
@@ -248,11 +236,7 @@ void shadow_region(Frame& frame, uint32_t region, Worker& worker) {
     uint32_t candidates = 0;
     if (batches > 0) {
         uint64_t tested = 0;
-        k.accept_groups(all, -all.radius, frame.group_bounds, frame.quality.angle,
-                        worker.some_accepted.data());
-        k.accept_groups(all, all.radius, frame.group_bounds, frame.quality.angle, worker.all_accepted.data());
-        candidates = k.select_clusters(all, frame.cluster_bounds, worker.some_accepted.data(),
-                                       worker.all_accepted.data(), nullptr, frame.cluster_count,
+        candidates = k.select_clusters(all, frame.cluster_bounds, nullptr, frame.cluster_count,
                                        frame.tables->horizon, worker.candidates.data(), &tested);
         worker.tally.clusters_tested += tested;
     }

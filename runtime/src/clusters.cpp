@@ -150,8 +150,6 @@ void end_cluster(ClusterKind kind, Clusters& out) {
     out.vertex_begin.push_back(static_cast<uint32_t>(out.vertices.size()));
     out.edge_begin.push_back(static_cast<uint32_t>(out.edges.size()));
     out.triangle_begin.push_back(static_cast<uint32_t>(out.triangles.size()));
-    out.own_group.push_back(kind.own_group);
-    out.parent_group.push_back(no_group);
     out.two_sided.push_back(kind.two_sided);
     out.level.push_back(kind.level);
 }

@@ -55,7 +55,6 @@ struct ClusterWriter {
 };
 
 struct ClusterKind {
-    uint32_t own_group = no_group;
     uint8_t two_sided = 0, level = 0;
 };
 

@@ -51,8 +51,8 @@ bool counts_fit(const FrameMesh& m, const MeshData& data) {
 
 // Where each mesh's part of the frame's arrays begins, and the arrays' sizes.
 void lay_out(Frame& frame) {
-    frame.point_count = frame.point_chunks = frame.cluster_count = frame.triangle_count = frame.group_count =
-        0;
+    frame.point_count = frame.point_chunks = frame.cluster_count = frame.sample_chunks = 0;
+    frame.triangle_bounds_count = 0;
     frame.region_count = frame.duplicate_chunks = 0;
     for (MeshSlice& s : frame.meshes) {
         const uint32_t points = static_cast<uint32_t>(s.mesh->weld_source.size());
@@ -60,8 +60,7 @@ void lay_out(Frame& frame) {
         s.first_point = frame.point_count;
         s.first_point_chunk = frame.point_chunks;
         s.first_cluster = frame.cluster_count;
-        s.first_triangle = frame.triangle_count;
-        s.first_group = frame.group_count;
+        s.first_sample_chunk = frame.sample_chunks;
         s.first_region = frame.region_count;
         s.first_duplicate_chunk = frame.duplicate_chunks;
         const bool receives = s.in.transfer.data != nullptr;
@@ -72,8 +71,14 @@ void lay_out(Frame& frame) {
         frame.point_count += points;
         frame.point_chunks += (points + point_chunk - 1) / point_chunk;
         frame.cluster_count += s.clusters->count();
-        frame.triangle_count += static_cast<uint32_t>(s.clusters->triangles.size());
-        frame.group_count += frame.quality.paper ? 0 : s.mesh->groups.count();
+        for (uint32_t c = 0; c < s.clusters->count(); ++c) {
+            const uint32_t triangles = s.clusters->triangle_begin[c + 1] - s.clusters->triangle_begin[c];
+            frame.triangle_bounds_count += 8 * kernels::triangle_slots(triangles);
+        }
+        const LevelSamples& samples = s.mesh->samples;
+        for (uint32_t level = 1; !frame.quality.paper && level < level_count(samples); ++level)
+            frame.sample_chunks +=
+                (samples.begin[level + 1] - samples.begin[level] + point_chunk - 1) / point_chunk;
         frame.region_count += s.region_count;
         frame.duplicate_chunks += (duplicates + kernels::lanes - 1) / kernels::lanes;
     }
@@ -83,30 +88,25 @@ void lay_out(Frame& frame) {
 void grow(Frame& frame) {
     frame.extents.resize(frame.point_chunks);
     frame.points.resize(4 * size_t(frame.point_count));
-    frame.planes.resize(4 * size_t(frame.triangle_count));
     for (uint32_t k = 0; k < 3; ++k) {
         frame.centre[k].resize(frame.cluster_count);
         frame.cone[k].resize(frame.cluster_count);
-        frame.group_centre[k].resize(frame.group_count);
     }
     frame.radius.resize(frame.cluster_count);
     frame.cone_cos.resize(frame.cluster_count);
     frame.cone_sin.resize(frame.cluster_count);
-    frame.group_radius.resize(frame.group_count);
-    frame.group_error.resize(frame.group_count);
-    frame.own_group.resize(frame.cluster_count);
-    frame.parent_group.resize(frame.cluster_count);
+    frame.nearest.resize(frame.cluster_count);
+    frame.farthest.resize(frame.cluster_count);
+    frame.sample_error.resize(frame.sample_chunks);
     frame.views.resize(frame.cluster_count);
     frame.cluster_mesh.resize(frame.cluster_count);
-    frame.cluster_planes.resize(frame.cluster_count);
+    frame.cluster_bounds_begin.resize(frame.cluster_count);
+    frame.triangle_bounds.resize(frame.triangle_bounds_count);
     const size_t job_capacity = job_flush + kernels::jobs_per_cluster + 64;
     for (Worker& w : frame.workers) {
         w.scratch.resize(1);
         w.masks.resize(size_t(kernels::lanes) * kernels::mask_bytes(frame.quality.layout));
         w.jobs.resize(4 * job_capacity);
-        w.accepted.resize(frame.group_count + 34);
-        w.some_accepted.resize(frame.group_count + 34);
-        w.all_accepted.resize(frame.group_count + 34);
         w.candidates.resize(frame.cluster_count + 16);
         w.selected.resize(frame.cluster_count + 16);
     }
@@ -114,6 +114,7 @@ void grow(Frame& frame) {
 
 // What does not change with the positions: every cluster's view of its mesh.
 void connect(Frame& frame) {
+    uint32_t bounds = 0;
     for (uint32_t m = 0; m < frame.meshes.size(); ++m) {
         const MeshSlice& s = frame.meshes[m];
         const Clusters& k = *s.clusters;
@@ -121,22 +122,17 @@ void connect(Frame& frame) {
             const uint32_t c = s.first_cluster + i;
             const uint32_t triangle = k.triangle_begin[i];
             frame.cluster_mesh[c] = m;
-            frame.cluster_planes[c] = s.first_triangle + triangle;
-            const bool grouped = !frame.quality.paper;
-            frame.own_group[c] =
-                grouped && k.own_group[i] != no_group ? s.first_group + k.own_group[i] : frame.group_count;
-            frame.parent_group[c] = grouped && k.parent_group[i] != no_group
-                                        ? s.first_group + k.parent_group[i]
-                                        : frame.group_count + 1;
+            frame.cluster_bounds_begin[c] = bounds;
             kernels::ClusterView& view = frame.views[c];
             view.vertices = k.vertices.data() + k.vertex_begin[i];
             view.edges = reinterpret_cast<const uint8_t*>(k.edges.data() + k.edge_begin[i]);
             view.triangles = reinterpret_cast<const uint8_t*>(k.triangles.data() + triangle);
-            view.planes = frame.planes.data() + 4 * size_t(frame.cluster_planes[c]);
             view.vertex_count = k.vertex_begin[i + 1] - k.vertex_begin[i];
             view.edge_count = k.edge_begin[i + 1] - k.edge_begin[i];
             view.triangle_count = k.triangle_begin[i + 1] - triangle;
             view.two_sided = k.two_sided[i];
+            view.bounds = frame.triangle_bounds.data() + bounds;
+            bounds += 8 * kernels::triangle_slots(view.triangle_count);
         }
     }
     frame.cluster_bounds = {{frame.centre[0].data(), frame.centre[1].data(), frame.centre[2].data()},
@@ -144,14 +140,9 @@ void connect(Frame& frame) {
                             {frame.cone[0].data(), frame.cone[1].data(), frame.cone[2].data()},
                             frame.cone_cos.data(),
                             frame.cone_sin.data(),
-                            frame.own_group.data(),
-                            frame.parent_group.data(),
+                            frame.nearest.data(),
+                            frame.farthest.data(),
                             frame.cluster_count};
-    frame.group_bounds = {
-        {frame.group_centre[0].data(), frame.group_centre[1].data(), frame.group_centre[2].data()},
-        frame.group_radius.data(),
-        frame.group_error.data(),
-        frame.group_count};
 }
 
 // The first finite position: then an exact translation of everything changes nothing.
@@ -202,12 +193,13 @@ void plan(Frame& frame) {
     stage("scale", timed_refit<choose_scale>, 1, 1);
     stage("points", timed_refit<place_points>, frame.point_chunks, 4);
     stage("clusters", timed_refit<refit_clusters>, frame.cluster_count, 64);
-    stage("groups", timed_refit<refit_groups>, static_cast<uint32_t>(frame.meshes.size()), 1);
+    stage("levels", timed_refit<measure_levels>, frame.sample_chunks, 4);
+    stage("bands", timed_refit<choose_bands>, static_cast<uint32_t>(frame.meshes.size()), 1);
     stage("receivers", timed<shadow_regions>, frame.region_count, 1);
     stage("duplicates", timed<copy_duplicates>, frame.duplicate_chunks, 16);
 }
 
-constexpr uint32_t stages = 7;
+constexpr uint32_t stages = 8;
 
 // A frame that is not in flight, made if there is none. The guard is held. Throws std::bad_alloc.
 Frame& free_frame(Context& context, uint32_t& slot) {
@@ -277,6 +269,15 @@ void report(const Frame& frame, FrameStats& stats) {
 }
 
 } // namespace
+
+const MeshSlice& slice_of(const Frame& frame, uint32_t MeshSlice::*first, uint32_t item) {
+    size_t low = 0, high = frame.meshes.size();
+    while (high - low > 1) {
+        const size_t middle = (low + high) / 2;
+        (frame.meshes[middle].*first <= item ? low : high) = middle;
+    }
+    return frame.meshes[low];
+}
 
 uint64_t ticks_now() {
 #if defined(__x86_64__)

@@ -24,7 +24,7 @@ struct FloatArray {
 };
 
 constexpr uint32_t region_batches = 8; // batches that share one look at all clusters
-constexpr uint32_t point_chunk = 1024; // vertices of one task
+constexpr uint32_t point_chunk = 1024; // vertices, or samples of a level, of one task
 constexpr uint32_t job_flush =
     512; // jobs after which masks are worked on: the list stays in the nearest cache
 
@@ -34,7 +34,7 @@ struct MeshSlice {
     const Clusters* clusters = nullptr; // all levels, or the coarse mesh (paper)
     FrameMesh in;                       // the caller's arrays
     uint32_t first_point = 0, first_point_chunk = 0;
-    uint32_t first_cluster = 0, first_triangle = 0, first_group = 0;
+    uint32_t first_cluster = 0, first_sample_chunk = 0;
     uint32_t first_region = 0, region_count = 0, first_duplicate_chunk = 0;
 };
 
@@ -59,14 +59,12 @@ enum Stage : uint32_t {
 struct Worker {
     explicit Worker(const Allocator& a)
         : scratch(HostAllocator<kernels::ClusterScratch>(a)), masks(HostAllocator<uint8_t>(a)),
-          jobs(HostAllocator<uint32_t>(a)), accepted(HostAllocator<uint8_t>(a)),
-          some_accepted(HostAllocator<uint8_t>(a)), all_accepted(HostAllocator<uint8_t>(a)),
-          candidates(HostAllocator<uint32_t>(a)), selected(HostAllocator<uint32_t>(a)) {}
+          jobs(HostAllocator<uint32_t>(a)), candidates(HostAllocator<uint32_t>(a)),
+          selected(HostAllocator<uint32_t>(a)) {}
 
     Vector<kernels::ClusterScratch> scratch; // one
     Vector<uint8_t> masks;                   // of a batch
     Vector<uint32_t> jobs;                   // the job list's four arrays
-    Vector<uint8_t> accepted, some_accepted, all_accepted;
     Vector<uint32_t> candidates, selected;
     kernels::Batch batches[region_batches] = {};
     alignas(64) float normal[3][kernels::lanes] = {};
@@ -77,37 +75,34 @@ struct Worker {
 
 struct Frame {
     explicit Frame(const Allocator& a)
-        : meshes(HostAllocator<MeshSlice>(a)), extents(HostAllocator<float>(a)), points(a),
-          planes(a), centre{FloatArray(a), FloatArray(a), FloatArray(a)},
-          radius(a), cone{FloatArray(a), FloatArray(a), FloatArray(a)}, cone_cos(a), cone_sin(a),
-          own_group(HostAllocator<uint32_t>(a)), parent_group(HostAllocator<uint32_t>(a)),
-          views(HostAllocator<kernels::ClusterView>(a)), cluster_mesh(HostAllocator<uint32_t>(a)),
-          cluster_planes(HostAllocator<uint32_t>(a)), group_centre{FloatArray(a), FloatArray(a),
-                                                                   FloatArray(a)},
-          group_radius(a), group_error(a), graph_memory(HostAllocator<uint8_t>(a)),
-          workers(HostAllocator<Worker>(a)) {}
+        : meshes(HostAllocator<MeshSlice>(a)), extents(HostAllocator<float>(a)),
+          sample_error(HostAllocator<float>(a)), points(a),
+          triangle_bounds(a), centre{FloatArray(a), FloatArray(a), FloatArray(a)},
+          radius(a), cone{FloatArray(a), FloatArray(a), FloatArray(a)}, cone_cos(a), cone_sin(a), nearest(a),
+          farthest(a), views(HostAllocator<kernels::ClusterView>(a)),
+          cluster_mesh(HostAllocator<uint32_t>(a)), cluster_bounds_begin(HostAllocator<uint32_t>(a)),
+          graph_memory(HostAllocator<uint8_t>(a)), workers(HostAllocator<Worker>(a)) {}
 
     // Fixed in `submit`.
     const kernels::Kernels* kernels = nullptr;
     const kernels::Tables* tables = nullptr;
     QualitySettings quality{};
     Vector<MeshSlice> meshes;
-    uint32_t point_count = 0, point_chunks = 0, cluster_count = 0, triangle_count = 0, group_count = 0;
+    uint32_t point_count = 0, point_chunks = 0, cluster_count = 0, triangle_bounds_count = 0, sample_chunks = 0;
     uint32_t region_count = 0, duplicate_chunks = 0;
 
     // Made by the tasks. Frame space: (position - origin) * scale, scale a power of two that brings the
     // extent near 1.
     float origin[3] = {}, scale = 1;
-    Vector<float> extents; // largest distance from the origin along an axis, by chunk of points
-    FloatArray points;     // 4 a welded vertex
-    FloatArray planes;     // 4 a triangle of a cluster
+    Vector<float> extents;      // largest distance from the origin along an axis, by chunk of points
+    Vector<float> sample_error; // largest distance of a level from the full mesh, by chunk of samples
+    FloatArray points;          // 4 a welded vertex
+    FloatArray triangle_bounds; // of each cluster in turn, see kernels::ClusterView
     FloatArray centre[3], radius, cone[3], cone_cos, cone_sin;
-    Vector<uint32_t> own_group, parent_group;
+    FloatArray nearest, farthest; // band of distances of the cluster's level
     Vector<kernels::ClusterView> views;
-    Vector<uint32_t> cluster_mesh, cluster_planes;
-    FloatArray group_centre[3], group_radius, group_error;
+    Vector<uint32_t> cluster_mesh, cluster_bounds_begin;
     kernels::ClusterBounds cluster_bounds{};
-    kernels::GroupBounds group_bounds{};
 
     Vector<uint8_t> graph_memory;
     jobs::Graph* graph = nullptr;
@@ -118,6 +113,9 @@ struct Frame {
     uint64_t start_ticks = 0;
     double start_ns = 0;
 };
+
+// The mesh to which an item of a stage belongs; `first` says where each mesh's items begin.
+const MeshSlice& slice_of(const Frame& frame, uint32_t MeshSlice::*first, uint32_t item);
 
 // A monotonic count that is cheap to read, and the time in nanoseconds that gives it a unit.
 uint64_t ticks_now();

@@ -1,6 +1,5 @@
 #include "levels.h"
 
-#include "bounds.h"
 #include "clusters.h"
 #include "receivers.h"
 #include "simplify.h"
@@ -14,11 +13,8 @@ namespace nusselt {
 
 namespace {
 
-constexpr uint32_t max_levels = 16;
-// A group that keeps more of its triangles than this is not worth a level.
-constexpr float worth_keeping = 0.8f;
-// So often a cluster may be tried in another group before it stays as it is.
-constexpr uint8_t max_attempts = 3;
+// A level that keeps more of its triangles than this is not worth having.
+constexpr double worth_keeping = 0.8;
 // Vertices of more triangles than this bring no ring to their neighbours (quality `paper`): the rings of a
 // hub's neighbours would grow with the square of their number.
 constexpr uint32_t max_ring_valence = 256;
@@ -101,447 +97,130 @@ void build_rings(uint32_t welded, MeshData& mesh) {
     mesh.ring.shrink_to_fit();
 }
 
-struct BoundaryEdge {
-    uint64_t key; // both vertices, the lower one high
-    uint32_t cluster;
-};
-
-struct Link {
-    uint32_t cluster;
-    float weight;
-};
-
 struct Builder {
     Builder(const Allocator& a, uint32_t welded)
-        : numbers(a), positions(HostAllocator<Vec3f>(a)), triangles(numbers), points(numbers), pool(numbers),
-          retired(numbers), attempts(HostAllocator<uint8_t>(a)), centres(HostAllocator<Vec3f>(a)),
-          group_error(HostAllocator<float>(a)), group_begin(numbers), group_members(numbers),
-          group_of(numbers), edges(HostAllocator<BoundaryEdge>(a)), link_begin(numbers),
-          links(HostAllocator<Link>(a)), score(HostAllocator<float>(a)), touched(numbers),
-          vertex_group(welded, none, numbers), shared(welded, 0, HostAllocator<uint8_t>(a)),
-          local_of(welded, none, numbers), part(numbers), saved(numbers), simplifier(a, welded),
-          partitioner(a), writer(a), split_points(HostAllocator<SplitPoint>(a)) {}
+        : numbers(a), positions(HostAllocator<Vec3f>(a)), two_sided(HostAllocator<uint8_t>(a)), side(numbers),
+          local_of(welded, none, numbers), level_of(welded, none, numbers), simplifier(a, welded),
+          partitioner(a), writer(a) {}
 
     HostAllocator<uint32_t> numbers;
-    Vector<Vec3f> positions; // welded
-
-    // Parallel to the triangles of the clusters: welded triples, and the removed vertices nearest to each.
-    Vector<uint32_t> triangles, points;
-
-    // The clusters that make up the whole mesh now: those that may still be grouped, and those that stay.
-    Vector<uint32_t> pool, retired;
-    Vector<uint8_t> attempts; // by cluster
-    Vector<Vec3f> centres;    // by cluster
-    Vector<float> group_error;
-
-    // Groups of the pool (pool indices), made anew for each level.
-    Vector<uint32_t> group_begin, group_members, group_of;
-    Vector<BoundaryEdge> edges;
-    Vector<uint32_t> link_begin;
-    Vector<Link> links;
-    Vector<float> score;
-    Vector<uint32_t> touched;
-    Vector<uint32_t> vertex_group;
-    Vector<uint8_t> shared;
-
-    Vector<uint32_t> local_of, part, saved;
-    Simplifier simplifier;
+    Vector<Vec3f> positions;             // welded
+    Vector<uint8_t> two_sided;           // of the simplifier's triangles
+    Vector<uint32_t> side;               // welded triples of one kind
+    Vector<uint32_t> local_of, level_of; // by welded vertex; the last level that has it
+    Simplifier simplifier;               // its triangles are the current level's
     Partitioner partitioner;
     ClusterWriter writer;
-    Vector<SplitPoint> split_points;
 };
 
-uint32_t triangle_count(const Clusters& clusters, uint32_t cluster) {
-    return clusters.triangle_begin[cluster + 1] - clusters.triangle_begin[cluster];
-}
-
-// What the clusters appended since `first_cluster` keep beside their tables.
-void finish_new_clusters(Builder& b, const Clusters& clusters, uint32_t first_cluster) {
-    for (uint32_t c = first_cluster; c < clusters.count(); ++c) {
-        const uint32_t begin = clusters.vertex_begin[c], end = clusters.vertex_begin[c + 1];
-        bounds::Box box;
-        for (uint32_t i = begin; i < end; ++i) {
-            const Vec3f p = b.positions[clusters.vertices[i]];
-            bounds::extend(box, p, p);
-        }
-        b.centres.push_back(bounds::centre(box));
-        b.attempts.push_back(0);
-        b.pool.push_back(c);
-    }
-}
-
-// Splits `source` triangles (welded triples, with `heads` of points where not empty) of one kind into
-// clusters.
-void add_clusters(Builder& b, const LevelOptions& options, const Vector<uint32_t>& source,
-                  const Vector<uint32_t>* heads, ClusterKind kind, Clusters& clusters) {
-    Partitioner& p = b.partitioner;
-    partition_triangles(source, b.positions.data(), options.cluster_triangles, b.local_of, p);
-    for (size_t i = 0; i + 1 < p.begins.size(); ++i) {
-        append_clusters(source, p.order.data() + p.begins[i], p.begins[i + 1] - p.begins[i], kind, b.writer,
-                        b.local_of, clusters);
-    }
-    if (!heads) return;
-    for (const uint32_t t : p.order) {
-        b.triangles.insert(b.triangles.end(), source.begin() + 3 * t, source.begin() + 3 * t + 3);
-        b.points.push_back(heads->empty() ? none : (*heads)[t]);
-    }
-}
-
-// Which clusters of the pool share how many edges. Edges that were locked in the last level count twice:
-// unless they come to lie inside a group, they never go.
-void link_pool(Builder& b, const Clusters& clusters) {
-    b.edges.clear();
-    for (uint32_t i = 0; i < b.pool.size(); ++i) {
-        const uint32_t c = b.pool[i];
-        uint8_t uses[256] = {};
-        for (uint32_t t = clusters.triangle_begin[c]; t < clusters.triangle_begin[c + 1]; ++t) {
-            for (const uint8_t e : clusters.triangles[t].edge) {
-                uses[e] = static_cast<uint8_t>(uses[e] < 2 ? uses[e] + 1 : 2);
-            }
-        }
-        const uint32_t edge_count = clusters.edge_begin[c + 1] - clusters.edge_begin[c];
-        for (uint32_t e = 0; e < edge_count; ++e) {
-            if (uses[e] != 1) continue;
-            const ClusterEdge edge = clusters.edges[clusters.edge_begin[c] + e];
-            const uint32_t v = clusters.vertices[clusters.vertex_begin[c] + edge.from];
-            const uint32_t w = clusters.vertices[clusters.vertex_begin[c] + edge.to];
-            b.edges.push_back({uint64_t(std::min(v, w)) << 32 | std::max(v, w), i});
-        }
-    }
-    std::sort(b.edges.begin(), b.edges.end(), [](const BoundaryEdge& l, const BoundaryEdge& r) {
-        return l.key != r.key ? l.key < r.key : l.cluster < r.cluster;
-    });
-    // Pairs of neighbours, both ways, one entry a shared edge. An edge of many clusters links each with the
-    // next.
-    b.link_begin.assign(b.pool.size() + 2, 0);
-    const auto each_pair = [&](auto&& use) {
-        for (size_t i = 1; i < b.edges.size(); ++i) {
-            if (b.edges[i].key == b.edges[i - 1].key && b.edges[i].cluster != b.edges[i - 1].cluster) {
-                use(b.edges[i - 1].cluster, b.edges[i].cluster);
-                use(b.edges[i].cluster, b.edges[i - 1].cluster);
-            }
-        }
-    };
-    each_pair([&](uint32_t from, uint32_t) { ++b.link_begin[from + 2]; });
-    for (size_t i = 2; i < b.link_begin.size(); ++i) {
-        b.link_begin[i] += b.link_begin[i - 1];
-    }
-    b.links.resize(b.link_begin.back());
-    each_pair([&](uint32_t from, uint32_t to) {
-        const uint32_t own = clusters.own_group[b.pool[from]];
-        const bool was_locked = own == no_group || own != clusters.own_group[b.pool[to]];
-        b.links[b.link_begin[from + 1]++] = {to, was_locked ? 2.0f : 1.0f};
-    });
-}
-
-// Groups the pool: grows each group along the most shared edges, gives groups that stay too small to a
-// neighbour, and puts what has no neighbour together by place.
-void group_pool(Builder& b, const LevelOptions& options, const Clusters& clusters) {
-    link_pool(b, clusters);
-    const uint32_t count = static_cast<uint32_t>(b.pool.size());
-    b.split_points.resize(count);
-    b.part.resize(count);
-    for (uint32_t i = 0; i < count; ++i) {
-        const Vec3f c = b.centres[b.pool[i]];
-        b.split_points[i] = {{c.x, c.y, c.z, 0, 0, 0}};
-        b.part[i] = i;
-    }
-    SplitOptions split;
-    split.leaf = 1;
-    split_medians(b.split_points, split, b.part, b.saved);
-
-    b.group_of.assign(count, none);
-    b.score.assign(count, 0);
-    Vector<uint32_t> sizes(b.numbers);
-    for (const uint32_t seed : b.part) {
-        if (b.group_of[seed] != none) continue;
-        const uint32_t group = static_cast<uint32_t>(sizes.size());
-        uint32_t size = 0, joining = seed;
-        b.touched.clear();
-        for (;;) {
-            b.group_of[joining] = group;
-            ++size;
-            for (uint32_t k = b.link_begin[joining]; k < b.link_begin[joining + 1]; ++k) {
-                const uint32_t other = b.links[k].cluster;
-                if (b.group_of[other] != none) continue;
-                if (b.score[other] == 0) b.touched.push_back(other);
-                b.score[other] += b.links[k].weight;
-            }
-            if (size == options.group_clusters) break;
-            joining = none;
-            for (const uint32_t candidate : b.touched) {
-                if (b.group_of[candidate] != none) continue;
-                if (joining == none || b.score[candidate] > b.score[joining] ||
-                    (b.score[candidate] == b.score[joining] && candidate < joining)) {
-                    joining = candidate;
-                }
-            }
-            if (joining == none) break;
-        }
-        for (const uint32_t i : b.touched) {
-            b.score[i] = 0;
-        }
-        sizes.push_back(size);
-    }
-
-    // Small leftovers join the neighbouring group with which they share most.
-    const uint32_t small = (options.group_clusters + 1) / 2;
-    const uint32_t large = options.group_clusters + small;
-    for (const uint32_t i : b.part) {
-        const uint32_t group = b.group_of[i];
-        if (sizes[group] >= small) continue;
-        b.touched.clear();
-        for (uint32_t k = b.link_begin[i]; k < b.link_begin[i + 1]; ++k) {
-            const uint32_t other = b.group_of[b.links[k].cluster];
-            if (other == group || sizes[other] + 1 > large || sizes[other] < sizes[group]) continue;
-            if (b.score[other] == 0)
-                b.touched.push_back(other); // by group here; there are no more than clusters
-            b.score[other] += b.links[k].weight;
-        }
-        uint32_t best = none;
-        for (const uint32_t g : b.touched) {
-            if (best == none || b.score[g] > b.score[best] || (b.score[g] == b.score[best] && g < best))
-                best = g;
-        }
-        for (const uint32_t g : b.touched) {
-            b.score[g] = 0;
-        }
-        if (best == none) continue;
-        b.group_of[i] = best;
-        --sizes[group];
-        ++sizes[best];
-    }
-
-    // Groups without neighbours, in the order of their place: fill up.
-    uint32_t open = none;
-    Vector<uint32_t> renamed(sizes.size(), none, b.numbers);
-    for (const uint32_t i : b.part) {
-        const uint32_t group = b.group_of[i];
-        if (sizes[group] >= small || renamed[group] != none) continue;
-        if (open == none || sizes[open] + sizes[group] > options.group_clusters) {
-            open = group;
-            renamed[group] = group;
-        } else {
-            renamed[group] = open;
-            sizes[open] += sizes[group];
-            sizes[group] = 0;
-            if (sizes[open] >= options.group_clusters) open = none;
-        }
-    }
-    for (uint32_t i = 0; i < count; ++i) {
-        if (renamed[b.group_of[i]] != none) b.group_of[i] = renamed[b.group_of[i]];
-    }
-
-    // Numbers in the order of place, members by rising number.
-    std::fill(renamed.begin(), renamed.end(), none);
-    b.group_begin.assign(1, 0);
-    uint32_t groups = 0;
-    for (const uint32_t i : b.part) {
-        const uint32_t g = b.group_of[i];
-        if (renamed[g] != none) continue;
-        renamed[g] = groups++;
-        b.group_begin.push_back(b.group_begin.back() + sizes[g]);
-    }
-    b.group_members.resize(count);
-    Vector<uint32_t> fill(b.group_begin, b.numbers);
-    for (uint32_t i = 0; i < count; ++i) {
-        b.group_of[i] = renamed[b.group_of[i]];
-        b.group_members[fill[b.group_of[i]]++] = i;
-    }
-}
-
-// shared[w]: triangles of more than one group use welded vertex w.
-void mark_shared_vertices(Builder& b, const Clusters& clusters) {
-    std::fill(b.vertex_group.begin(), b.vertex_group.end(), none);
-    std::fill(b.shared.begin(), b.shared.end(), uint8_t(0));
-    const auto mark = [&](uint32_t cluster, uint32_t group) {
-        for (uint32_t i = clusters.vertex_begin[cluster]; i < clusters.vertex_begin[cluster + 1]; ++i) {
-            uint32_t& seen = b.vertex_group[clusters.vertices[i]];
-            if (seen == none) seen = group;
-            if (seen != group) b.shared[clusters.vertices[i]] = 1;
-        }
-    };
-    for (uint32_t i = 0; i < b.pool.size(); ++i) {
-        mark(b.pool[i], b.group_of[i]);
-    }
-    for (const uint32_t c : b.retired) {
-        mark(c, none - 1);
-    }
-}
-
-// Simplifies one group of the pool to half. False: it did not get small enough and nothing was changed.
-bool build_group(Builder& b, const LevelOptions& options, uint32_t group, uint8_t level,
-                 Vector<uint32_t>& next_pool, MeshData& mesh) {
-    Clusters& clusters = mesh.clusters;
-    Simplifier& s = b.simplifier;
-    s.triangles.clear();
-    s.points.clear();
-    Vector<uint8_t> two_sided{HostAllocator<uint8_t>(b.numbers)};
-    float child_error = 0;
-    for (uint32_t i = b.group_begin[group]; i < b.group_begin[group + 1]; ++i) {
-        const uint32_t c = b.pool[b.group_members[i]];
-        const uint32_t begin = clusters.triangle_begin[c], end = clusters.triangle_begin[c + 1];
-        s.triangles.insert(s.triangles.end(), b.triangles.begin() + 3 * begin, b.triangles.begin() + 3 * end);
-        s.points.insert(s.points.end(), b.points.begin() + begin, b.points.begin() + end);
-        two_sided.insert(two_sided.end(), end - begin, clusters.two_sided[c]);
-        if (clusters.own_group[c] != no_group) {
-            child_error = std::max(child_error, b.group_error[clusters.own_group[c]]);
-        }
-    }
-    // The lists of points, to put them back: (point, next) pairs.
-    b.saved.clear();
-    for (const uint32_t head : s.points) {
-        for (uint32_t p = head; p != none; p = s.point_next[p]) {
-            b.saved.push_back(p);
-            b.saved.push_back(s.point_next[p]);
-        }
-    }
-    const uint32_t before = static_cast<uint32_t>(s.points.size());
-    SimplifyOptions simplify_options;
-    simplify_options.target_triangles = before / 2;
-    const float error = simplify(s, b.positions.data(), b.shared.data(), simplify_options);
-    const uint32_t after = static_cast<uint32_t>(s.points.size());
-    if (static_cast<float>(after) > worth_keeping * static_cast<float>(before)) {
-        for (size_t i = 0; i < b.saved.size(); i += 2) {
-            s.point_next[b.saved[i]] = b.saved[i + 1];
-        }
-        return false;
-    }
-
-    const uint32_t number = static_cast<uint32_t>(b.group_error.size());
-    b.group_error.push_back(std::max(error, child_error));
-    for (uint32_t i = b.group_begin[group]; i < b.group_begin[group + 1]; ++i) {
-        const uint32_t c = b.pool[b.group_members[i]];
-        clusters.parent_group[c] = number;
-        mesh.groups.clusters.push_back(c);
-    }
-    mesh.groups.cluster_begin.push_back(static_cast<uint32_t>(mesh.groups.clusters.size()));
-
-    const uint32_t first = clusters.count();
-    Vector<uint32_t> side(b.numbers), heads(b.numbers);
+// The simplifier's triangles as clusters; never both kinds in one.
+void add_clusters(Builder& b, const LevelOptions& options, uint8_t level, Clusters& clusters) {
+    const Vector<uint32_t>& all = b.simplifier.triangles;
     for (uint8_t flag = 0; flag < 2; ++flag) {
-        side.clear();
-        heads.clear();
-        for (uint32_t t = 0; t < after; ++t) {
-            if (two_sided[s.source[t]] != flag) continue;
-            side.insert(side.end(), s.triangles.begin() + 3 * t, s.triangles.begin() + 3 * t + 3);
-            heads.push_back(s.points[t]);
+        b.side.clear();
+        for (size_t t = 0; t < b.two_sided.size(); ++t) {
+            if (b.two_sided[t] == flag)
+                b.side.insert(b.side.end(), all.begin() + 3 * t, all.begin() + 3 * t + 3);
         }
-        if (!side.empty()) add_clusters(b, options, side, &heads, {number, flag, level}, clusters);
+        if (b.side.empty()) continue;
+        Partitioner& p = b.partitioner;
+        partition_triangles(b.side, b.positions.data(), options.cluster_triangles, b.local_of, p);
+        for (size_t i = 0; i + 1 < p.begins.size(); ++i) {
+            append_clusters(b.side, p.order.data() + p.begins[i], p.begins[i + 1] - p.begins[i],
+                            {flag, level}, b.writer, b.local_of, clusters);
+        }
     }
-    for (uint32_t c = first; c < clusters.count(); ++c) {
-        next_pool.push_back(c);
-    }
-    return true;
 }
 
-// One mesh of a few hundred triangles, from the first level that is small enough to be quick about it.
-void build_coarse(Builder& b, const LevelOptions& options, uint32_t target, MeshData& mesh) {
+// Simplifies the current level to about `target` triangles. False: there was too little to gain.
+bool coarsen(Builder& b, uint32_t target) {
     Simplifier& s = b.simplifier;
-    const Clusters& clusters = mesh.clusters;
-    s.triangles.clear();
-    Vector<uint8_t> two_sided{HostAllocator<uint8_t>(b.numbers)};
-    for (const Vector<uint32_t>* list : {&b.pool, &b.retired}) {
-        for (const uint32_t c : *list) {
-            const uint32_t begin = clusters.triangle_begin[c], end = clusters.triangle_begin[c + 1];
-            s.triangles.insert(s.triangles.end(), b.triangles.begin() + 3 * begin,
-                               b.triangles.begin() + 3 * end);
-            two_sided.insert(two_sided.end(), end - begin, clusters.two_sided[c]);
-        }
+    const size_t before = s.triangles.size() / 3;
+    SimplifyOptions options;
+    options.target_triangles = target;
+    simplify(s, b.positions.data(), nullptr, options);
+    const size_t after = s.triangles.size() / 3;
+    for (size_t t = 0; t < after; ++t) // `source` rises: what is read was not yet written
+        b.two_sided[t] = b.two_sided[s.source[t]];
+    b.two_sided.resize(after);
+    return after > 0 && double(after) < worth_keeping * double(before);
+}
+
+// The barycentric weights of the point of triangle (a, b, c) that lies nearest to p (Ericson, Real-Time
+// Collision Detection, 5.1.5).
+Vec3d nearest_weights(Vec3d p, Vec3d a, Vec3d b, Vec3d c) {
+    const Vec3d ab = b - a, ac = c - a, ap = p - a;
+    const double d1 = dot(ab, ap), d2 = dot(ac, ap);
+    if (d1 <= 0 && d2 <= 0) return {1, 0, 0};
+    const Vec3d bp = p - b;
+    const double d3 = dot(ab, bp), d4 = dot(ac, bp);
+    if (d3 >= 0 && d4 <= d3) return {0, 1, 0};
+    const double vc = d1 * d4 - d3 * d2;
+    if (vc <= 0 && d1 >= 0 && d3 <= 0) return {1 - d1 / (d1 - d3), d1 / (d1 - d3), 0};
+    const Vec3d cp = p - c;
+    const double d5 = dot(ab, cp), d6 = dot(ac, cp);
+    if (d6 >= 0 && d5 <= d6) return {0, 0, 1};
+    const double vb = d5 * d2 - d1 * d6;
+    if (vb <= 0 && d2 >= 0 && d6 <= 0) return {1 - d2 / (d2 - d6), 0, d2 / (d2 - d6)};
+    const double va = d3 * d6 - d5 * d4;
+    if (va <= 0 && d4 >= d3 && d5 >= d6) {
+        const double w = (d4 - d3) / (d4 - d3 + d5 - d6);
+        return {0, 1 - w, w};
     }
-    SimplifyOptions simplify_options;
-    simplify_options.target_triangles = target;
-    simplify_options.measure = false;
-    simplify(s, b.positions.data(), nullptr, simplify_options);
-    Vector<uint32_t> side(b.numbers);
-    for (uint8_t flag = 0; flag < 2; ++flag) {
-        side.clear();
-        for (uint32_t t = 0; t < s.source.size(); ++t) {
-            if (two_sided[s.source[t]] != flag) continue;
-            side.insert(side.end(), s.triangles.begin() + 3 * t, s.triangles.begin() + 3 * t + 3);
+    const double sum = va + vb + vc;
+    if (!(sum > 0)) return {1, 0, 0};
+    return {va / sum, vb / sum, vc / sum};
+}
+
+// Samples of the current level, `level`, at the vertices that went with it.
+void add_samples(Builder& b, uint32_t level, LevelSamples& samples) {
+    const Simplifier& s = b.simplifier;
+    for (const uint32_t w : s.triangles)
+        b.level_of[w] = level;
+    for (size_t t = 0; t < s.points.size(); ++t) {
+        const uint32_t* corner = s.triangles.data() + 3 * t;
+        for (uint32_t p = s.points[t]; p != none; p = s.point_next[p]) {
+            if (b.level_of[p] != level - 1) continue;
+            const auto at = [&](uint32_t w) { return to_double(b.positions[w]); };
+            const Vec3f weight =
+                to_float(nearest_weights(at(p), at(corner[0]), at(corner[1]), at(corner[2])));
+            samples.vertex.push_back(p);
+            samples.corner.insert(samples.corner.end(), corner, corner + 3);
+            samples.weight.insert(samples.weight.end(), {weight.x, weight.y, weight.z});
         }
-        if (!side.empty()) add_clusters(b, options, side, nullptr, {no_group, flag, 0}, mesh.coarse_clusters);
     }
 }
 
-uint32_t pool_triangles(const Builder& b, const Clusters& clusters) {
-    uint32_t sum = 0;
-    for (const Vector<uint32_t>* list : {&b.pool, &b.retired}) {
-        for (const uint32_t c : *list) {
-            sum += triangle_count(clusters, c);
-        }
-    }
-    return sum;
+void start_at_full_mesh(Builder& b, const MeshData& mesh) {
+    b.simplifier.triangles = mesh.full_triangles;
+    b.simplifier.points.assign(mesh.full_triangles.size() / 3, none);
+    b.two_sided = mesh.full_two_sided;
 }
 
 void build_levels(Builder& b, const LevelOptions& options, MeshData& mesh) {
-    const uint32_t full = static_cast<uint32_t>(mesh.full_triangles.size() / 3);
-    Clusters& clusters = mesh.clusters;
-    Vector<uint32_t> side(b.numbers);
-    const Vector<uint32_t> no_points(b.numbers);
-    for (uint8_t flag = 0; flag < 2; ++flag) {
-        side.clear();
-        for (uint32_t t = 0; t < full; ++t) {
-            if (mesh.full_two_sided[t] != flag) continue;
-            side.insert(side.end(), mesh.full_triangles.begin() + 3 * t,
-                        mesh.full_triangles.begin() + 3 * t + 3);
-        }
-        if (!side.empty()) add_clusters(b, options, side, &no_points, {no_group, flag, 0}, clusters);
+    start_at_full_mesh(b, mesh);
+    for (const uint32_t w : mesh.full_triangles)
+        b.level_of[w] = 0;
+    mesh.samples.begin.assign(2, 0);
+    for (uint8_t level = 0; !b.two_sided.empty(); ++level) {
+        add_clusters(b, options, level, mesh.clusters);
+        const uint32_t count = static_cast<uint32_t>(b.two_sided.size());
+        const uint32_t target = static_cast<uint32_t>(float(count) * options.level_ratio);
+        if (level + 1 == max_levels || target < options.least_triangles || !coarsen(b, target)) break;
+        add_samples(b, level + 1u, mesh.samples);
+        mesh.samples.begin.push_back(static_cast<uint32_t>(mesh.samples.vertex.size()));
     }
-    finish_new_clusters(b, clusters, 0);
-
-    const uint32_t target = uint64_t(full) * 2 < uint64_t(options.coarse_triangles) * 5
-                                ? std::max(full / 10, std::min(full, 64u))
-                                : options.coarse_triangles;
-    bool have_coarse = false;
-    const auto coarse_now = [&](bool last) {
-        if (have_coarse || full == 0 || (!last && pool_triangles(b, clusters) > 8 * target)) return;
-        have_coarse = true;
-        build_coarse(b, options, target, mesh);
-    };
-    Vector<uint32_t> next_pool(b.numbers);
-    for (uint8_t level = 1; level < max_levels && b.pool.size() > 1; ++level) {
-        coarse_now(false);
-        group_pool(b, options, clusters);
-        mark_shared_vertices(b, clusters);
-        next_pool.clear();
-        const uint32_t first = clusters.count();
-        const uint32_t group_count = static_cast<uint32_t>(b.group_begin.size() - 1);
-        bool any = false;
-        for (uint32_t g = 0; g < group_count; ++g) {
-            if (build_group(b, options, g, level, next_pool, mesh)) {
-                any = true;
-                continue;
-            }
-            for (uint32_t i = b.group_begin[g]; i < b.group_begin[g + 1]; ++i) {
-                const uint32_t c = b.pool[b.group_members[i]];
-                ++b.attempts[c];
-                (b.attempts[c] < max_attempts && group_count > 1 ? next_pool : b.retired).push_back(c);
-            }
-        }
-        b.pool.clear();
-        finish_new_clusters(b, clusters, first);
-        b.pool.assign(next_pool.begin(), next_pool.end());
-        if (!any) break;
-    }
-    coarse_now(true);
 }
 
-// Errors so far are distances in normalised units: relative to the spheres that the frame will compute.
-void finish_groups(const Builder& b, MeshData& mesh) {
-    const HostAllocator<Sphere> spheres(b.numbers);
-    const uint32_t clusters = mesh.clusters.count(), groups = static_cast<uint32_t>(b.group_error.size());
-    Vector<Sphere> cluster_spheres(clusters, Sphere{}, spheres), group_spheres(groups, Sphere{}, spheres);
-    Vector<Cone> cones(clusters, Cone{}, HostAllocator<Cone>(b.numbers));
-    Vector<float> errors(groups, 0, HostAllocator<float>(b.numbers));
-    mesh.groups.relative_error.assign(groups, 0);
-    const auto position = [&](uint32_t w) { return b.positions[w]; };
-    refit_bounds(position, mesh.clusters, mesh.groups, cluster_spheres.data(), cones.data(),
-                 group_spheres.data(), errors.data());
-    for (uint32_t g = 0; g < groups; ++g) {
-        const float radius = group_spheres[g].radius;
-        mesh.groups.relative_error[g] = radius > 0 ? b.group_error[g] / radius : 0;
-    }
+// One mesh of a few hundred triangles, for the quality `paper`.
+void build_coarse(Builder& b, const LevelOptions& options, MeshData& mesh) {
+    const uint32_t full = static_cast<uint32_t>(mesh.full_triangles.size() / 3);
+    if (full == 0) return;
+    start_at_full_mesh(b, mesh);
+    coarsen(b, uint64_t(full) * 2 < uint64_t(options.coarse_triangles) * 5
+                   ? std::max(full / 10, std::min(full, 64u))
+                   : options.coarse_triangles);
+    add_clusters(b, options, 0, mesh.coarse_clusters);
 }
 
 } // namespace
@@ -584,15 +263,14 @@ void build_mesh(const MeshDesc& desc, const LevelOptions& options, const Allocat
 
     begin_clusters(mesh.clusters);
     begin_clusters(mesh.coarse_clusters);
-    mesh.groups.cluster_begin.assign(1, 0);
     build_levels(builder, options, mesh);
-    finish_groups(builder, mesh);
+    build_coarse(builder, options, mesh);
 
     info.clusters = mesh.clusters.count();
     info.levels = 1;
     for (uint32_t c = 0; c < mesh.clusters.count(); ++c) {
         const uint32_t level = mesh.clusters.level[c];
-        info.level_triangles[level] += triangle_count(mesh.clusters, c);
+        info.level_triangles[level] += mesh.clusters.triangle_begin[c + 1] - mesh.clusters.triangle_begin[c];
         info.levels = std::max(info.levels, level + 1);
     }
 }

@@ -40,16 +40,17 @@ size_t bytes_of(const Vector<T>& v) {
 
 size_t bytes_of(const Clusters& c) {
     return bytes_of(c.vertex_begin) + bytes_of(c.edge_begin) + bytes_of(c.triangle_begin) +
-           bytes_of(c.own_group) + bytes_of(c.parent_group) + bytes_of(c.two_sided) + bytes_of(c.level) +
-           bytes_of(c.vertices) + bytes_of(c.edges) + bytes_of(c.triangles);
+           bytes_of(c.two_sided) + bytes_of(c.level) + bytes_of(c.vertices) + bytes_of(c.edges) +
+           bytes_of(c.triangles);
 }
 
 size_t bytes_of(const MeshData& m) {
     return sizeof(m) + bytes_of(m.weld) + bytes_of(m.weld_source) + bytes_of(m.fan_begin) + bytes_of(m.fan) +
            bytes_of(m.receivers) + bytes_of(m.duplicates) + bytes_of(m.duplicate_of) +
            bytes_of(m.full_triangles) + bytes_of(m.ring_begin) + bytes_of(m.ring) +
-           bytes_of(m.full_two_sided) + bytes_of(m.clusters) + bytes_of(m.groups.cluster_begin) +
-           bytes_of(m.groups.clusters) + bytes_of(m.groups.relative_error) + bytes_of(m.coarse_clusters);
+           bytes_of(m.full_two_sided) + bytes_of(m.clusters) + bytes_of(m.samples.begin) +
+           bytes_of(m.samples.vertex) + bytes_of(m.samples.corner) + bytes_of(m.samples.weight) +
+           bytes_of(m.coarse_clusters);
 }
 
 const Status no_context{StatusCode::invalid_argument,

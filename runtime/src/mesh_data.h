@@ -1,10 +1,9 @@
 // What a mesh keeps after it was added: plain arrays, read-only in a frame. Built by levels.h.
 //
-// Levels of detail are a directed acyclic graph of triangle clusters. Neighbouring clusters form a group; the
-// group's triangles, simplified as one with the vertices that it shares with the outside locked, become the
-// next level's clusters. So any cut in which every group is decided as a whole is free of cracks and
-// overlaps: a cluster is drawn where the simplification that made it is fine enough and the one that replaces
-// it is not. All levels index the same welded vertices, so they deform with the mesh.
+// Levels of detail are a chain: each level is the one before it, simplified as a whole, over the same welded
+// vertices, so that all of them deform with the mesh. A receiver takes each level for the blockers in a band
+// of distances (see runtime/doc/adr). How far a level lies from the full mesh is measured anew in every pose,
+// on samples: a level that was made from the rest pose may fit a strong deformation badly.
 #pragma once
 
 #include "memory.h"
@@ -13,7 +12,7 @@
 
 namespace nusselt {
 
-constexpr uint32_t no_group = 0xFFFFFFFFu;
+constexpr uint32_t max_levels = 16;
 constexpr uint32_t batch_receivers = 16; // receivers that go through all kernels together
 
 // Corners and edges are numbers within the cluster. Edge k runs between corners k and (k + 1) % 3; bit k of
@@ -32,15 +31,12 @@ struct ClusterEdge {
 struct Clusters {
     explicit Clusters(const Allocator& a)
         : vertex_begin(HostAllocator<uint32_t>(a)), edge_begin(HostAllocator<uint32_t>(a)),
-          triangle_begin(HostAllocator<uint32_t>(a)), own_group(HostAllocator<uint32_t>(a)),
-          parent_group(HostAllocator<uint32_t>(a)), two_sided(HostAllocator<uint8_t>(a)),
+          triangle_begin(HostAllocator<uint32_t>(a)), two_sided(HostAllocator<uint8_t>(a)),
           level(HostAllocator<uint8_t>(a)), vertices(HostAllocator<uint32_t>(a)),
           edges(HostAllocator<ClusterEdge>(a)), triangles(HostAllocator<ClusterTriangle>(a)) {}
 
     // One entry a cluster, plus one end entry for the three begins. Finer levels first.
     Vector<uint32_t> vertex_begin, edge_begin, triangle_begin;
-    Vector<uint32_t> own_group;    // whose simplification made it; no_group: the full mesh
-    Vector<uint32_t> parent_group; // which simplification replaces it; no_group: nothing coarser
     Vector<uint8_t> two_sided; // 1: blocks from both sides (component not closed or not consistently wound)
     Vector<uint8_t> level;
 
@@ -48,22 +44,25 @@ struct Clusters {
     Vector<ClusterEdge> edges; // unique within a cluster
     Vector<ClusterTriangle> triangles;
 
-    uint32_t count() const { return static_cast<uint32_t>(own_group.size()); }
+    uint32_t count() const { return static_cast<uint32_t>(level.size()); }
 };
 
-struct Groups {
-    explicit Groups(const Allocator& a)
-        : cluster_begin(HostAllocator<uint32_t>(a)), clusters(HostAllocator<uint32_t>(a)),
-          relative_error(HostAllocator<float>(a)) {}
+// Samples of the distance between a level and the full mesh: vertices that the level lacks and the level
+// before it has, each with the point of the level's surface that lies nearest in the rest pose.
+struct LevelSamples {
+    explicit LevelSamples(const Allocator& a)
+        : begin(HostAllocator<uint32_t>(a)), vertex(HostAllocator<uint32_t>(a)),
+          corner(HostAllocator<uint32_t>(a)), weight(HostAllocator<float>(a)) {}
 
-    // Children (the groups that made the replaced clusters) come before their parents.
-    Vector<uint32_t> cluster_begin; // one a group plus an end; into `clusters`
-    Vector<uint32_t> clusters;      // the clusters that the group replaces
-    Vector<float> relative_error;   // distance to the full mesh over the radius of the replaced clusters'
-                                    // bounding sphere, both in the rest pose; never below a child's distance
-
-    uint32_t count() const { return static_cast<uint32_t>(relative_error.size()); }
+    Vector<uint32_t> begin;  // one a level plus an end; level 0 has none
+    Vector<uint32_t> vertex; // welded
+    Vector<uint32_t> corner; // 3 a sample, welded: a triangle of the level
+    Vector<float> weight;    // 3 a sample: of the corners, summing to 1
 };
+
+inline uint32_t level_count(const LevelSamples& samples) {
+    return static_cast<uint32_t>(samples.begin.size()) - 1;
+}
 
 struct MeshData {
     explicit MeshData(const Allocator& a)
@@ -72,7 +71,7 @@ struct MeshData {
           receivers(HostAllocator<uint32_t>(a)), duplicates(HostAllocator<uint32_t>(a)),
           duplicate_of(HostAllocator<uint32_t>(a)), full_triangles(HostAllocator<uint32_t>(a)),
           ring_begin(HostAllocator<uint32_t>(a)), ring(HostAllocator<uint32_t>(a)),
-          full_two_sided(HostAllocator<uint8_t>(a)), clusters(a), groups(a), coarse_clusters(a) {}
+          full_two_sided(HostAllocator<uint8_t>(a)), clusters(a), coarse_clusters(a), samples(a) {}
 
     uint32_t vertex_count = 0; // the caller's, V
     Vector<uint32_t> weld;     // V: welded vertex of each vertex
@@ -90,14 +89,13 @@ struct MeshData {
 
     // For the quality `paper`: the full mesh as welded triples; for each welded vertex the triangles of its
     // 2-ring (those that touch one of its neighbours), incident ones left out, as indices into full_triangles
-    // / 3; and one coarse mesh of a few hundred triangles as clusters of their own (coarse_clusters below,
-    // groups all no_group).
+    // / 3; and one coarse mesh of a few hundred triangles as clusters of their own (coarse_clusters).
     Vector<uint32_t> full_triangles, ring_begin, ring;
     Vector<uint8_t> full_two_sided; // one a full triangle
 
     Clusters clusters; // all levels
-    Groups groups;
     Clusters coarse_clusters;
+    LevelSamples samples;
 };
 
 } // namespace nusselt

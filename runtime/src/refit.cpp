@@ -14,26 +14,32 @@ const float* element(const Vec3View& view, size_t index) {
     return reinterpret_cast<const float*>(reinterpret_cast<const char*>(view.data) + index * view.stride);
 }
 
-// The mesh whose chunk of points this is.
-const MeshSlice& slice_of_chunk(const Frame& frame, uint32_t chunk) {
-    size_t low = 0, high = frame.meshes.size();
-    while (high - low > 1) {
-        const size_t middle = (low + high) / 2;
-        (frame.meshes[middle].first_point_chunk <= chunk ? low : high) = middle;
-    }
-    return frame.meshes[low];
-}
-
 struct PointRange {
     const MeshSlice& slice;
     uint32_t begin, end; // welded vertices of the mesh
 };
 
 PointRange points_of_chunk(const Frame& frame, uint32_t chunk) {
-    const MeshSlice& slice = slice_of_chunk(frame, chunk);
+    const MeshSlice& slice = slice_of(frame, &MeshSlice::first_point_chunk, chunk);
     const uint32_t begin = (chunk - slice.first_point_chunk) * point_chunk;
     const uint32_t count = static_cast<uint32_t>(slice.mesh->weld_source.size());
     return {slice, begin, std::min(begin + point_chunk, count)};
+}
+
+struct SampleRange {
+    uint32_t begin, end;
+};
+
+// Chunks don't cross levels.
+SampleRange samples_of_chunk(const LevelSamples& samples, uint32_t chunk) {
+    for (uint32_t level = 1; level < level_count(samples); ++level) {
+        const uint32_t begin = samples.begin[level], end = samples.begin[level + 1];
+        const uint32_t chunks = (end - begin + point_chunk - 1) / point_chunk;
+        if (chunk < chunks)
+            return {begin + chunk * point_chunk, std::min(begin + (chunk + 1) * point_chunk, end)};
+        chunk -= chunks;
+    }
+    return {0, 0};
 }
 
 using kernels::is_finite;
@@ -47,16 +53,18 @@ bool corners_of(const float* points, const uint32_t* vertices, const ClusterTria
     return finite(corner[0]) && finite(corner[1]) && finite(corner[2]);
 }
 
-// The unit normal and distance of each triangle; all zero, so that it faces nobody, where there is no normal.
-// Returns how many have a corner that is not finite.
-uint32_t refit_planes(const float* points, const Clusters& clusters, uint32_t cluster, float* planes) {
+// Planes and spheres of a cluster's triangles, as kernels::ClusterView wants them. Returns how many triangles have a
+// corner that is not finite.
+uint32_t refit_triangles(const float* points, const Clusters& clusters, uint32_t cluster, float* out) {
     const uint32_t* vertices = clusters.vertices.data() + clusters.vertex_begin[cluster];
+    const uint32_t first = clusters.triangle_begin[cluster], count = clusters.triangle_begin[cluster + 1] - first;
+    const uint32_t slots = kernels::triangle_slots(count);
     uint32_t invalid = 0;
-    for (uint32_t t = clusters.triangle_begin[cluster]; t < clusters.triangle_begin[cluster + 1];
-         ++t, planes += 4) {
+    std::memset(out, 0, 8 * size_t(slots) * sizeof(float));
+    std::fill(out + 7 * slots, out + 8 * slots, -FLT_MAX);
+    for (uint32_t t = 0; t < count; ++t) {
         const float* p[3];
-        std::memset(planes, 0, 4 * sizeof(float));
-        if (!corners_of(points, vertices, clusters.triangles[t], p)) {
+        if (!corners_of(points, vertices, clusters.triangles[first + t], p)) {
             ++invalid;
             continue;
         }
@@ -65,10 +73,21 @@ uint32_t refit_planes(const float* points, const Clusters& clusters, uint32_t cl
         const float x = uy * vz - uz * vy, y = uz * vx - ux * vz, z = ux * vy - uy * vx;
         const float length = std::sqrt(x * x + y * y + z * z);
         if (!(length > 0)) continue;
-        planes[0] = x / length;
-        planes[1] = y / length;
-        planes[2] = z / length;
-        planes[3] = planes[0] * p[0][0] + planes[1] * p[0][1] + planes[2] * p[0][2];
+        const float n[3] = {x / length, y / length, z / length};
+        float centre[3], square = 0;
+        for (uint32_t k = 0; k < 3; ++k) {
+            const float low = std::min(std::min(p[0][k], p[1][k]), p[2][k]);
+            const float high = std::max(std::max(p[0][k], p[1][k]), p[2][k]);
+            centre[k] = 0.5f * low + 0.5f * high;
+            out[k * slots + t] = n[k];
+            out[(4 + k) * slots + t] = centre[k];
+        }
+        for (const float* corner : p) {
+            const float dx = corner[0] - centre[0], dy = corner[1] - centre[1], dz = corner[2] - centre[2];
+            square = std::max(square, dx * dx + dy * dy + dz * dz);
+        }
+        out[3 * slots + t] = n[0] * p[0][0] + n[1] * p[0][1] + n[2] * p[0][2];
+        out[7 * slots + t] = std::sqrt(square);
     }
     return invalid;
 }
@@ -102,21 +121,23 @@ bool refit_sphere(const float* points, const Clusters& clusters, uint32_t cluste
     return true;
 }
 
-// The cone of the triangles' normals; cosine -1 where it would be wider than a right angle.
-float refit_cone(const float* planes, uint32_t triangles, float axis[3]) {
+// The cone of the triangles' normals (`bounds` as above); cosine -1 where it would be wider than a right angle.
+float refit_cone(const float* bounds, uint32_t triangles, float axis[3]) {
+    const uint32_t slots = kernels::triangle_slots(triangles);
+    const float *x = bounds, *y = bounds + slots, *z = bounds + 2 * size_t(slots);
     float sum[3] = {};
     for (uint32_t t = 0; t < triangles; ++t) {
-        for (uint32_t k = 0; k < 3; ++k)
-            sum[k] += planes[4 * t + k];
+        sum[0] += x[t];
+        sum[1] += y[t];
+        sum[2] += z[t];
     }
     const float length = std::sqrt(sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]);
     for (uint32_t k = 0; k < 3; ++k)
         axis[k] = length > 0 ? sum[k] / length : 0.0f;
     float least = length > 0 ? 1.0f : -1.0f;
     for (uint32_t t = 0; t < triangles; ++t) {
-        const float* n = planes + 4 * t;
-        const bool degenerate = n[0] == 0 && n[1] == 0 && n[2] == 0; // never rasterised: no part of the cone
-        if (!degenerate) least = std::min(least, n[0] * axis[0] + n[1] * axis[1] + n[2] * axis[2]);
+        const bool degenerate = x[t] == 0 && y[t] == 0 && z[t] == 0; // never rasterised: no part of the cone
+        if (!degenerate) least = std::min(least, x[t] * axis[0] + y[t] * axis[1] + z[t] * axis[2]);
     }
     least -= 1e-6f;
     return least > 0 ? least : -1.0f;
@@ -172,12 +193,12 @@ void refit_clusters(void* context, uint32_t begin, uint32_t end, uint32_t slot) 
         const uint32_t own = c - slice.first_cluster;
         const float* points = frame.points.data() + 4 * size_t(slice.first_point);
         kernels::ClusterView& view = frame.views[c];
-        float* planes = frame.planes.data() + 4 * size_t(frame.cluster_planes[c]);
-        const uint32_t invalid = refit_planes(points, clusters, own, planes);
-        if (clusters.own_group[own] == no_group) frame.workers[slot].tally.triangles_invalid += invalid;
+        float* bounds = frame.triangle_bounds.data() + frame.cluster_bounds_begin[c];
+        const uint32_t invalid = refit_triangles(points, clusters, own, bounds);
+        if (clusters.level[own] == 0) frame.workers[slot].tally.triangles_invalid += invalid;
         float centre[3] = {}, radius = 0, axis[3] = {}, cosine = -1;
         if (refit_sphere(points, clusters, own, centre, radius) && !view.two_sided)
-            cosine = refit_cone(planes, view.triangle_count, axis);
+            cosine = refit_cone(bounds, view.triangle_count, axis);
         for (uint32_t k = 0; k < 3; ++k) {
             frame.centre[k].data()[c] = view.centre[k] = centre[k];
             frame.cone[k].data()[c] = axis[k];
@@ -188,52 +209,53 @@ void refit_clusters(void* context, uint32_t begin, uint32_t end, uint32_t slot) 
     }
 }
 
-void refit_groups(void* context, uint32_t begin, uint32_t end, uint32_t) {
+void measure_levels(void* context, uint32_t begin, uint32_t end, uint32_t) {
+    Frame& frame = *static_cast<Frame*>(context);
+    for (uint32_t chunk = begin; chunk < end; ++chunk) {
+        const MeshSlice& slice = slice_of(frame, &MeshSlice::first_sample_chunk, chunk);
+        const LevelSamples& samples = slice.mesh->samples;
+        const float* points = frame.points.data() + 4 * size_t(slice.first_point);
+        const SampleRange range = samples_of_chunk(samples, chunk - slice.first_sample_chunk);
+        float sum = 0;
+        for (uint32_t i = range.begin; i < range.end; ++i) {
+            const float* p = points + 4 * size_t(samples.vertex[i]);
+            const float* weight = samples.weight.data() + 3 * size_t(i);
+            float square = 0;
+            for (uint32_t k = 0; k < 3; ++k) {
+                float d = p[k];
+                for (uint32_t corner = 0; corner < 3; ++corner)
+                    d -= weight[corner] * points[4 * size_t(samples.corner[3 * size_t(i) + corner]) + k];
+                square += d * d;
+            }
+            sum += is_finite(square) ? square : 0;
+        }
+        frame.sample_error[chunk] = sum;
+    }
+}
+
+void choose_bands(void* context, uint32_t begin, uint32_t end, uint32_t) {
     Frame& frame = *static_cast<Frame*>(context);
     for (uint32_t m = begin; m < end; ++m) {
         const MeshSlice& slice = frame.meshes[m];
-        if (frame.quality.paper) continue;
-        const Groups& groups = slice.mesh->groups;
-        for (uint32_t g = 0; g < groups.count(); ++g) {
-            const uint32_t first = groups.cluster_begin[g], last = groups.cluster_begin[g + 1];
-            float low[3] = {FLT_MAX, FLT_MAX, FLT_MAX}, high[3] = {-FLT_MAX, -FLT_MAX, -FLT_MAX};
-            for (uint32_t i = first; i < last; ++i) {
-                const uint32_t c = slice.first_cluster + groups.clusters[i];
-                for (uint32_t k = 0; k < 3; ++k) {
-                    low[k] = std::min(low[k], frame.centre[k].data()[c] - frame.radius.data()[c]);
-                    high[k] = std::max(high[k], frame.centre[k].data()[c] + frame.radius.data()[c]);
-                }
-            }
-            float centre[3];
-            for (uint32_t k = 0; k < 3; ++k)
-                centre[k] = 0.5f * low[k] + 0.5f * high[k];
-            // Around the clusters it replaces and around all that those stand for, so that the distance to a
-            // parent is never more than to its children: the cut is then the same from both sides of every
-            // border.
-            float radius = 0, error = 0;
-            const auto enclose = [&](float x, float y, float z, float r) {
-                x -= centre[0];
-                y -= centre[1];
-                z -= centre[2];
-                radius = std::max(radius, std::sqrt(x * x + y * y + z * z) + r);
-            };
-            for (uint32_t i = first; i < last; ++i) {
-                const uint32_t c = slice.first_cluster + groups.clusters[i];
-                enclose(frame.centre[0].data()[c], frame.centre[1].data()[c], frame.centre[2].data()[c],
-                        frame.radius.data()[c]);
-                const uint32_t child = slice.clusters->own_group[groups.clusters[i]];
-                if (child == no_group) continue;
-                const uint32_t o = slice.first_group + child;
-                enclose(frame.group_centre[0].data()[o], frame.group_centre[1].data()[o],
-                        frame.group_centre[2].data()[o], frame.group_radius.data()[o]);
-                error = std::max(error, frame.group_error.data()[o]);
-            }
-            radius *= 1.000001f;
-            const uint32_t out = slice.first_group + g;
-            for (uint32_t k = 0; k < 3; ++k)
-                frame.group_centre[k].data()[out] = centre[k];
-            frame.group_radius.data()[out] = radius;
-            frame.group_error.data()[out] = std::max(error, groups.relative_error[g] * radius);
+        const LevelSamples& samples = slice.mesh->samples;
+        const uint32_t levels = frame.quality.paper ? 1 : level_count(samples);
+        float from[max_levels + 1] = {};
+        uint32_t chunk = slice.first_sample_chunk;
+        float error = 0;
+        for (uint32_t level = 1; level < levels; ++level) {
+            float sum = 0;
+            const uint32_t count = samples.begin[level + 1] - samples.begin[level];
+            for (uint32_t i = 0; i < count; i += point_chunk)
+                sum += frame.sample_error[chunk++];
+            error = std::max(error, 2 * std::sqrt(sum / float(std::max(count, 1u))));
+            from[level] = error / frame.quality.angle;
+        }
+        from[levels] = FLT_MAX;
+        const Clusters& clusters = *slice.clusters;
+        for (uint32_t i = 0; i < clusters.count(); ++i) {
+            const uint32_t level = clusters.level[i], c = slice.first_cluster + i;
+            frame.nearest.data()[c] = frame.views[c].nearest = from[level];
+            frame.farthest.data()[c] = frame.views[c].farthest = from[level + 1];
         }
     }
 }

@@ -1,4 +1,4 @@
-// The mesh-wide stages of a frame: positions to frame space, planes, bounds of clusters and groups.
+// The mesh-wide stages of a frame: positions to frame space, planes, bounds of clusters, bands of levels.
 #pragma once
 
 #include "frame_data.h"
@@ -10,6 +10,7 @@ void measure_extents(void* context, uint32_t begin, uint32_t end, uint32_t slot)
 void choose_scale(void* context, uint32_t begin, uint32_t end, uint32_t slot);    // one item
 void place_points(void* context, uint32_t begin, uint32_t end, uint32_t slot);    // chunks of points
 void refit_clusters(void* context, uint32_t begin, uint32_t end, uint32_t slot);  // clusters
-void refit_groups(void* context, uint32_t begin, uint32_t end, uint32_t slot);    // meshes
+void measure_levels(void* context, uint32_t begin, uint32_t end, uint32_t slot);  // chunks of samples
+void choose_bands(void* context, uint32_t begin, uint32_t end, uint32_t slot);    // meshes
 
 } // namespace nusselt
