@@ -7,13 +7,13 @@
 namespace nusselt {
 
 struct LevelOptions {
-    uint32_t cluster_triangles = 32;  // at most, and at most 64 vertices and 128 edges
-    uint32_t group_clusters = 6;      // about
-    uint32_t coarse_triangles = 400;  // target of the quality `paper`
+    uint32_t cluster_triangles = 32; // at most, and at most 64 vertices and 128 edges
+    uint32_t group_clusters = 8;     // about
+    uint32_t coarse_triangles = 400; // target of the quality `paper`
 };
 
-// `desc` has been checked (counts, strides, indices). Fills all of `mesh` and `info` except info.bytes. Deterministic.
-// Throws std::bad_alloc and nothing else.
+// `desc` has been checked (counts, strides, indices). Fills all of `mesh` and `info` except info.bytes.
+// Deterministic. Throws std::bad_alloc and nothing else.
 void build_mesh(const MeshDesc& desc, const LevelOptions& options, const Allocator& allocator, MeshData& mesh,
                 MeshInfo& info);
 
