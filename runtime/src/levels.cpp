@@ -21,7 +21,7 @@ constexpr float worth_keeping = 0.8f;
 constexpr uint8_t max_attempts = 3;
 // A group's collapses beyond this share of the error that its like came to are put off. Less: up to 15 % less
 // error, twice the time.
-constexpr float expected_share = 0.9f;
+constexpr float expected_share = 1.0f;
 // Vertices of more triangles than this bring no ring to their neighbours (quality `paper`): the rings of a
 // hub's neighbours would grow with the square of their number.
 constexpr uint32_t max_ring_valence = 256;

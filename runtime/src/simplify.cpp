@@ -30,8 +30,13 @@ void add(Quadric& q, const Quadric& r) {
 Quadric plane_quadric(Vec3d n, Vec3d point, double weight) {
     const double d = -dot(n, point);
     const Vec3d w = n * weight;
-    return {w.x * n.x, w.y * n.y, w.z * n.z, w.x * n.y,      w.x * n.z, w.y * n.z,
-            w.x * d,   w.y * d,   w.z * d,   weight * d * d, weight};
+    Quadric q;
+    q.xx = w.x * n.x, q.yy = w.y * n.y, q.zz = w.z * n.z;
+    q.xy = w.x * n.y, q.xz = w.x * n.z, q.yz = w.y * n.z;
+    q.x = w.x * d, q.y = w.y * d, q.z = w.z * d;
+    q.c = weight * d * d;
+    q.weight = weight;
+    return q;
 }
 
 double evaluate(const Quadric& q, Vec3d p) {
@@ -122,11 +127,11 @@ uint32_t gather_ring(Simplifier& s) {
 double collapse_cost(const Simplifier& s, uint32_t v, uint32_t u) {
     const Vec3d p = at(s, u), d = p - at(s, v);
     const Quadric &a = s.quadrics[v], &b = s.quadrics[u];
-    // Over the root of the area: between the squared distance and its integral over the area. Measured on a
-    // cow and an armadillo, levels have 5 to 10 % less error than with either.
-    const double area = a.weight + b.weight;
-    const double share = area > 0 ? 1 / std::sqrt(area) : 0;
-    return (evaluate(a, p) + evaluate(b, p)) * share + length_weight * std::sqrt(a.weight) * dot(d, d);
+    // Over the root of the area, about: between the squared distance and its integral over the area. Levels
+    // of a cow and an armadillo have 5 to 10 % less error than with either.
+    const double roots = a.root + b.root;
+    const double share = roots > 0 ? 1 / roots : 0;
+    return (evaluate(a, p) + evaluate(b, p)) * share + length_weight * a.root * dot(d, d);
 }
 
 bool may_follow(const Simplifier& s, uint32_t v, const Simplifier::Neighbour& n) {
@@ -267,6 +272,7 @@ uint32_t collapse(Simplifier& s, uint32_t v, uint32_t u, bool measure) {
         }
     }
     add(s.quadrics[u], s.quadrics[v]);
+    s.quadrics[u].root = std::sqrt(s.quadrics[u].weight);
     s.head[v] = none;
     s.removed[v] = 1;
     ++s.version[v];
@@ -361,6 +367,7 @@ void prepare(Simplifier& s, const Vec3f* positions, const uint8_t* locked) {
         }
     }
     for (uint32_t v = 0; v < n; ++v) {
+        s.quadrics[v].root = std::sqrt(s.quadrics[v].weight);
         if (s.locked[v]) continue;
         uint32_t count = 0;
         for (uint32_t c = s.head[v]; c != none; c = s.next[c])

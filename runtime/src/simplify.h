@@ -11,7 +11,8 @@
 namespace nusselt {
 
 struct Quadric {
-    double xx = 0, yy = 0, zz = 0, xy = 0, xz = 0, yz = 0, x = 0, y = 0, z = 0, c = 0, weight = 0;
+    double xx = 0, yy = 0, zz = 0, xy = 0, xz = 0, yz = 0, x = 0, y = 0, z = 0, c = 0;
+    double weight = 0, root = 0; // area, and its square root
 };
 
 // The mesh to simplify, in and out, and scratch memory that is reused from call to call.
