@@ -58,17 +58,20 @@ struct ClusterView {
     const uint32_t* vertices; // into points
     const uint8_t* edges;     // 2 an edge: corners
     const uint8_t* triangles; // 8 a triangle: corner[3], edge[3], flipped, unused
-    // 8 arrays of triangle_slots(triangle_count) floats: unit normal (x, y, z) and distance of the plane, centre
-    // (x, y, z) and radius of a sphere. A degenerate triangle has normal and distance 0; so have the slots past the
-    // last, and radius -FLT_MAX.
+    // 8 arrays of triangle_slots(triangle_count) floats: unit normal (x, y, z) and distance of the plane,
+    // centre (x, y, z) and radius of a sphere. A degenerate triangle has normal and distance 0; so have the
+    // slots past the last, and radius -FLT_MAX.
     const float* bounds;
     uint32_t vertex_count, edge_count, triangle_count;
     uint32_t two_sided;
     float centre[3], radius;
-    float nearest, farthest; // band of distances; a triangle is in it where its nearest corner is below `farthest` and
-                             // its farthest corner is not below `nearest`, so that levels overlap and leave no gap
+    float nearest,
+        farthest; // band of distances; a triangle is in it where its nearest corner is below `farthest` and
+                  // its farthest corner is not below `nearest`, so that levels overlap and leave no gap
 };
-constexpr uint32_t triangle_slots(uint32_t triangles) { return (triangles + 15) / 16 * 16; }
+constexpr uint32_t triangle_slots(uint32_t triangles) {
+    return (triangles + 15) / 16 * 16;
+}
 
 // Rasterisation jobs of half masks: mask half `destination` |= AND of the half-spaces of three entries.
 // Arrays of `job_capacity`, plus 16 of slack.

@@ -84,7 +84,7 @@ struct Tables {
     const float* scale = nullptr;     // [column]: transfer = integer * scale
     const float* block_weights = nullptr; // [block][column]: mean weight of its used bits (4x4 integration,
                                           // paper); one more row at the end: the sum over all bits
-    float horizon = 0; // horizon_tangent of the layout
+    float horizon = 0;                    // horizon_tangent of the layout
 };
 
 } // namespace nusselt::kernels

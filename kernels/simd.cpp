@@ -254,19 +254,23 @@ uint32_t select_clusters(const ReceiverBounds& receivers, const ClusterBounds& c
     return count;
 }
 
-// The cluster's triangles that some receiver of the batch may see, one bit each: lanes are triangles here, so that a
-// triangle which no receiver sees costs a sixteenth of one that is worked on. Conservative.
-HWY_INLINE uint64_t visible_triangles(const ReceiverBounds& receivers, const ClusterView& cluster, float horizon) {
+// The cluster's triangles that some receiver of the batch may see, one bit each: lanes are triangles here, so
+// that a triangle which no receiver sees costs a sixteenth of one that is worked on. Conservative.
+HWY_INLINE uint64_t visible_triangles(const ReceiverBounds& receivers, const ClusterView& cluster,
+                                      float horizon) {
     const uint32_t slots = triangle_slots(cluster.triangle_count);
-    const V zero = hn::Zero(df), slope = constant(std::sqrt(1 + horizon * horizon)), tangent = constant(horizon);
-    const V px = constant(receivers.centre[0]), py = constant(receivers.centre[1]), pz = constant(receivers.centre[2]);
+    const V zero = hn::Zero(df), slope = constant(std::sqrt(1 + horizon * horizon)),
+            tangent = constant(horizon);
+    const V px = constant(receivers.centre[0]), py = constant(receivers.centre[1]),
+            pz = constant(receivers.centre[2]);
     const V cone_cos = constant(receivers.cone_cos), cone_sin = constant(receivers.cone_sin);
     const V radius = constant(receivers.radius * 1.00001f + 1e-6f);
     const M narrow = hn::Gt(cone_cos, zero);
     const M two_sided = hn::Gt(constant(cluster.two_sided ? 1.0f : 0.0f), zero);
     uint64_t visible = 0;
     for (uint32_t t = 0; t < slots; t += width) {
-        const auto load = [&](uint32_t array) HWY_ATTR { return hn::LoadU(df, cluster.bounds + array * slots + t); };
+        const auto load = [&](uint32_t array)
+                              HWY_ATTR { return hn::LoadU(df, cluster.bounds + array * slots + t); };
         const V height_over = hn::Sub(dot(load(0), load(1), load(2), px, py, pz), load(3));
         const M front = hn::Or(two_sided, hn::Gt(hn::Add(height_over, radius), zero));
         const V x = hn::Sub(load(4), px), y = hn::Sub(load(5), py), z = hn::Sub(load(6), pz);
@@ -274,8 +278,8 @@ HWY_INLINE uint64_t visible_triangles(const ReceiverBounds& receivers, const Clu
         const V reach = hn::Add(hn::Add(load(7), radius), hn::Mul(distance, constant(1e-6f)));
         const M in_band = hn::And(hn::Lt(hn::Sub(distance, reach), constant(cluster.farthest)),
                                   hn::Ge(hn::Add(distance, reach), constant(cluster.nearest)));
-        const V along =
-            dot(x, y, z, constant(receivers.cone[0]), constant(receivers.cone[1]), constant(receivers.cone[2]));
+        const V along = dot(x, y, z, constant(receivers.cone[0]), constant(receivers.cone[1]),
+                            constant(receivers.cone[2]));
         const V across = hn::Sqrt(larger(hn::Sub(square, hn::Mul(along, along)), zero));
         const V height = hn::Add(hn::Mul(along, cone_cos), hn::Mul(across, cone_sin));
         const V side = hn::Sub(hn::Mul(across, cone_cos), hn::Mul(along, cone_sin));
@@ -317,9 +321,10 @@ void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float
         for (uint64_t left = visible; left; left &= left - 1) {
             const uint32_t t = static_cast<uint32_t>(__builtin_ctzll(left));
             const float* plane = cluster.bounds + t;
-            const V height = hn::Sub(dot(constant(plane[0]), constant(plane[slots]), constant(plane[2 * slots]),
-                                         chunk.position[0], chunk.position[1], chunk.position[2]),
-                                     constant(plane[3 * slots]));
+            const V height =
+                hn::Sub(dot(constant(plane[0]), constant(plane[slots]), constant(plane[2 * slots]),
+                            chunk.position[0], chunk.position[1], chunk.position[2]),
+                        constant(plane[3 * slots]));
             front[t] = bits_of(hn::Gt(height, margin)) & valid;
             back[t] = cluster.two_sided ? bits_of(hn::Lt(height, opposite)) & valid : 0;
             const uint8_t* triangle = cluster.triangles + 8 * t;

@@ -10,6 +10,13 @@ namespace {
 constexpr uint32_t max_vertices = 64;
 constexpr uint32_t max_edges = 128;
 
+// A turn counts against a distance in the cuts and in the smoothing, in radii of a cluster.
+constexpr float split_direction = 0.3f;
+constexpr float smooth_direction = 0.3f;
+// Nearness to the middle against edges of boundary.
+constexpr float smooth_nearness = 0.5f;
+constexpr int smooth_passes = 6;
+
 struct Span {
     uint32_t begin, end, parts;
 };
@@ -65,6 +72,75 @@ void split_medians(const Vector<SplitPoint>& points, const SplitOptions& options
     begins.push_back(count);
 }
 
+namespace {
+
+// The median cuts run zigzag and leave splinters. Triangles move to a neighbouring cluster, where there is
+// room, if that saves boundary or brings them nearer to the middle.
+void smooth_cuts(Partitioner& p, uint32_t count, uint32_t clusters, uint32_t limit) {
+    p.centres.assign(clusters, SplitPoint{});
+    float spread = 0;
+    for (uint32_t t = 0; t < count; ++t) {
+        SplitPoint& sum = p.centres[p.cluster_of[t]];
+        for (int k = 0; k < 6; ++k) {
+            sum.axis[k] += p.points[t].axis[k];
+        }
+    }
+    const auto distance2 = [&](uint32_t t, uint32_t c, float direction2) {
+        const float scale = 1.0f / static_cast<float>(p.sizes[c]);
+        float d[6];
+        for (int k = 0; k < 6; ++k) {
+            d[k] = p.points[t].axis[k] - p.centres[c].axis[k] * scale;
+        }
+        return d[0] * d[0] + d[1] * d[1] + d[2] * d[2] +
+               direction2 * (d[3] * d[3] + d[4] * d[4] + d[5] * d[5]);
+    };
+    for (uint32_t t = 0; t < count; ++t) {
+        spread += distance2(t, p.cluster_of[t], 0);
+    }
+    spread /= static_cast<float>(count);
+    if (!(spread > 0)) return;
+    const float nearness = smooth_nearness / spread;
+    const float direction2 = smooth_direction * spread;
+    for (int pass = 0; pass < smooth_passes; ++pass) {
+        bool changed = false;
+        for (uint32_t t = 0; t < count; ++t) {
+            const uint32_t own = p.cluster_of[t];
+            if (p.sizes[own] == 1) continue;
+            uint32_t around[3];
+            uint32_t at_home = 0;
+            for (uint32_t k = 0; k < 3; ++k) {
+                const uint32_t m = p.mate[3 * t + k];
+                around[k] = p.cluster_of[m / 3];
+                at_home += around[k] == own && m != 3 * t + k;
+            }
+            if (at_home == 3) continue;
+            uint32_t best = own;
+            float best_gain = 1e-3f;
+            for (uint32_t k = 0; k < 3; ++k) {
+                const uint32_t other = around[k];
+                if (other == own || p.sizes[other] >= limit) continue;
+                const float edges =
+                    static_cast<float>(std::count(around, around + 3, other)) - static_cast<float>(at_home);
+                const float gain =
+                    edges + nearness * (distance2(t, own, direction2) - distance2(t, other, direction2));
+                if (gain > best_gain) best = other, best_gain = gain;
+            }
+            if (best == own) continue;
+            p.cluster_of[t] = best;
+            ++p.sizes[best];
+            --p.sizes[own];
+            for (int k = 0; k < 6; ++k) {
+                p.centres[best].axis[k] += p.points[t].axis[k];
+                p.centres[own].axis[k] -= p.points[t].axis[k];
+            }
+            changed = true;
+        }
+        if (!changed) break;
+    }
+}
+
+} // namespace
+
 void partition_triangles(const Vector<uint32_t>& triangles, const Vec3f* positions, uint32_t limit,
                          Vector<uint32_t>& local_of, Partitioner& p) {
     const uint32_t count = static_cast<uint32_t>(triangles.size() / 3);
@@ -79,6 +155,7 @@ void partition_triangles(const Vector<uint32_t>& triangles, const Vec3f* positio
         p.order[t] = t;
     }
     SplitOptions options;
+    options.direction_weight = split_direction;
     options.leaf = limit > 8 ? limit - limit / 16 : limit; // room to smooth the cuts
     split_medians(p.points, options, p.order, p.begins);
 
@@ -103,31 +180,7 @@ void partition_triangles(const Vector<uint32_t>& triangles, const Vec3f* positio
             p.cluster_of[p.order[i]] = c;
         }
     }
-    // The cuts run zigzag: a triangle goes where more of its neighbours are, if there is room.
-    for (int pass = 0; pass < 4; ++pass) {
-        bool changed = false;
-        for (uint32_t t = 0; t < count; ++t) {
-            const uint32_t own = p.cluster_of[t];
-            uint32_t around[3];
-            uint32_t at_home = 0;
-            for (uint32_t k = 0; k < 3; ++k) {
-                around[k] = p.cluster_of[p.mate[3 * t + k] / 3];
-                at_home += around[k] == own && p.mate[3 * t + k] != 3 * t + k;
-            }
-            for (uint32_t k = 0; k < 3; ++k) {
-                const uint32_t other = around[k];
-                const uint32_t there = static_cast<uint32_t>(std::count(around, around + 3, other));
-                if (other == own || there <= at_home || p.sizes[other] >= limit || p.sizes[own] == 1)
-                    continue;
-                p.cluster_of[t] = other;
-                ++p.sizes[other];
-                --p.sizes[own];
-                changed = true;
-                break;
-            }
-        }
-        if (!changed) break;
-    }
+    smooth_cuts(p, count, clusters, limit);
     p.begins[0] = 0;
     for (uint32_t c = 0; c < clusters; ++c) {
         p.begins[c + 1] = p.begins[c] + p.sizes[c];

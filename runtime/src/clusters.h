@@ -33,13 +33,13 @@ struct Partitioner {
         : order(HostAllocator<uint32_t>(a)), begins(HostAllocator<uint32_t>(a)),
           corners(HostAllocator<uint32_t>(a)), mate(HostAllocator<uint32_t>(a)),
           cluster_of(HostAllocator<uint32_t>(a)), sizes(HostAllocator<uint32_t>(a)),
-          points(HostAllocator<SplitPoint>(a)), matcher(a) {}
+          points(HostAllocator<SplitPoint>(a)), centres(HostAllocator<SplitPoint>(a)), matcher(a) {}
 
     // The result: triangles by cluster.
     Vector<uint32_t> order, begins;
     // Scratch.
     Vector<uint32_t> corners, mate, cluster_of, sizes;
-    Vector<SplitPoint> points;
+    Vector<SplitPoint> points, centres;
     EdgeMatcher matcher;
 };
 

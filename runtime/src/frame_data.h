@@ -88,7 +88,8 @@ struct Frame {
     const kernels::Tables* tables = nullptr;
     QualitySettings quality{};
     Vector<MeshSlice> meshes;
-    uint32_t point_count = 0, point_chunks = 0, cluster_count = 0, triangle_bounds_count = 0, sample_chunks = 0;
+    uint32_t point_count = 0, point_chunks = 0, cluster_count = 0, triangle_bounds_count = 0,
+             sample_chunks = 0;
     uint32_t region_count = 0, duplicate_chunks = 0;
 
     // Made by the tasks. Frame space: (position - origin) * scale, scale a power of two that brings the

@@ -9,8 +9,8 @@ namespace {
 constexpr QualitySettings settings[quality_count] = {
     {"paper", kernels::paper_layout, 0, true, true},
     {"draft", kernels::standard_layout, 0.12f, false, true},
-    {"standard", kernels::standard_layout, 0.04f, false, true},
-    {"fine", kernels::fine_layout, 0.015f, false, true},
+    {"standard", kernels::standard_layout, 0.06f, false, true},
+    {"fine", kernels::fine_layout, 0.025f, false, true},
 };
 
 } // namespace

@@ -53,11 +53,12 @@ bool corners_of(const float* points, const uint32_t* vertices, const ClusterTria
     return finite(corner[0]) && finite(corner[1]) && finite(corner[2]);
 }
 
-// Planes and spheres of a cluster's triangles, as kernels::ClusterView wants them. Returns how many triangles have a
-// corner that is not finite.
+// Planes and spheres of a cluster's triangles, as kernels::ClusterView wants them. Returns how many triangles
+// have a corner that is not finite.
 uint32_t refit_triangles(const float* points, const Clusters& clusters, uint32_t cluster, float* out) {
     const uint32_t* vertices = clusters.vertices.data() + clusters.vertex_begin[cluster];
-    const uint32_t first = clusters.triangle_begin[cluster], count = clusters.triangle_begin[cluster + 1] - first;
+    const uint32_t first = clusters.triangle_begin[cluster],
+                   count = clusters.triangle_begin[cluster + 1] - first;
     const uint32_t slots = kernels::triangle_slots(count);
     uint32_t invalid = 0;
     std::memset(out, 0, 8 * size_t(slots) * sizeof(float));
@@ -121,7 +122,8 @@ bool refit_sphere(const float* points, const Clusters& clusters, uint32_t cluste
     return true;
 }
 
-// The cone of the triangles' normals (`bounds` as above); cosine -1 where it would be wider than a right angle.
+// The cone of the triangles' normals (`bounds` as above); cosine -1 where it would be wider than a right
+// angle.
 float refit_cone(const float* bounds, uint32_t triangles, float axis[3]) {
     const uint32_t slots = kernels::triangle_slots(triangles);
     const float *x = bounds, *y = bounds + slots, *z = bounds + 2 * size_t(slots);

@@ -14,6 +14,9 @@ constexpr double border_weight = 4.0;
 // Share of the squared edge length in the cost: in flat regions short edges go first, so triangles keep their
 // shape.
 constexpr double length_weight = 1e-3;
+// Where collapses wait for a larger bound: it at least doubles as a square, and lets a quarter of them
+// through.
+constexpr float bound_growth = 2.0f;
 // Twice the area over the sum of squared edges; 0.577 is equilateral. A sliver may stay but not get worse.
 constexpr double sliver_shape = 0.02;
 
@@ -27,8 +30,13 @@ void add(Quadric& q, const Quadric& r) {
 Quadric plane_quadric(Vec3d n, Vec3d point, double weight) {
     const double d = -dot(n, point);
     const Vec3d w = n * weight;
-    return {w.x * n.x, w.y * n.y, w.z * n.z, w.x * n.y,      w.x * n.z, w.y * n.z,
-            w.x * d,   w.y * d,   w.z * d,   weight * d * d, weight};
+    Quadric q;
+    q.xx = w.x * n.x, q.yy = w.y * n.y, q.zz = w.z * n.z;
+    q.xy = w.x * n.y, q.xz = w.x * n.z, q.yz = w.y * n.z;
+    q.x = w.x * d, q.y = w.y * d, q.z = w.z * d;
+    q.c = weight * d * d;
+    q.weight = weight;
+    return q;
 }
 
 double evaluate(const Quadric& q, Vec3d p) {
@@ -119,7 +127,11 @@ uint32_t gather_ring(Simplifier& s) {
 double collapse_cost(const Simplifier& s, uint32_t v, uint32_t u) {
     const Vec3d p = at(s, u), d = p - at(s, v);
     const Quadric &a = s.quadrics[v], &b = s.quadrics[u];
-    return evaluate(a, p) + evaluate(b, p) + length_weight * a.weight * dot(d, d);
+    // Over the root of the area, about: between the squared distance and its integral over the area. Levels
+    // of a cow and an armadillo have 5 to 10 % less error than with either.
+    const double roots = a.root + b.root;
+    const double share = roots > 0 ? 1 / roots : 0;
+    return (evaluate(a, p) + evaluate(b, p)) * share + length_weight * a.root * dot(d, d);
 }
 
 bool may_follow(const Simplifier& s, uint32_t v, const Simplifier::Neighbour& n) {
@@ -202,7 +214,7 @@ bool may_collapse(Simplifier& s, uint32_t v, uint32_t ring_base, const Simplifie
 
 // Where the points of v's triangles, and v itself, lie after the collapse onto u: into `moved`. Returns the
 // largest squared distance.
-float move_points(Simplifier& s, const Vec3f* positions, uint32_t v, uint32_t u) {
+float move_points(Simplifier& s, const Vec3f* positions, uint32_t v, uint32_t u, float limit) {
     s.moved.clear();
     float worst = 0;
     const Vec3f to = s.positions[u];
@@ -230,6 +242,7 @@ float move_points(Simplifier& s, const Vec3f* positions, uint32_t v, uint32_t u)
     place(s.vertices[v]);
     for (const uint32_t c : s.fan) {
         for (uint32_t p = s.points[c / 3]; p != none; p = s.point_next[p]) {
+            if (worst > limit) return worst;
             place(p);
         }
     }
@@ -259,6 +272,7 @@ uint32_t collapse(Simplifier& s, uint32_t v, uint32_t u, bool measure) {
         }
     }
     add(s.quadrics[u], s.quadrics[v]);
+    s.quadrics[u].root = std::sqrt(s.quadrics[u].weight);
     s.head[v] = none;
     s.removed[v] = 1;
     ++s.version[v];
@@ -353,12 +367,32 @@ void prepare(Simplifier& s, const Vec3f* positions, const uint8_t* locked) {
         }
     }
     for (uint32_t v = 0; v < n; ++v) {
+        s.quadrics[v].root = std::sqrt(s.quadrics[v].weight);
         if (s.locked[v]) continue;
         uint32_t count = 0;
         for (uint32_t c = s.head[v]; c != none; c = s.next[c])
             ++count;
         if (!one_fan(s, v, count)) s.locked[v] = 1;
     }
+}
+
+// Puts the collapses that a larger bound allows back into the queue; false: none waits.
+bool raise_bound(Simplifier& s, float& bound) {
+    std::erase_if(s.deferred, [&](const Simplifier::Deferred& d) {
+        return d.entry.version != s.version[d.entry.vertex];
+    });
+    if (s.deferred.empty()) return false;
+    const auto quarter = s.deferred.begin() + static_cast<ptrdiff_t>(s.deferred.size() / 4);
+    std::nth_element(s.deferred.begin(), quarter, s.deferred.end(),
+                     [](const auto& l, const auto& r) { return l.distance2 < r.distance2; });
+    bound = std::max(bound_growth * bound, quarter->distance2);
+    std::erase_if(s.deferred, [&](const Simplifier::Deferred& d) {
+        if (d.distance2 > bound) return false;
+        s.heap.push_back(d.entry);
+        return true;
+    });
+    std::make_heap(s.heap.begin(), s.heap.end(), later);
+    return true;
 }
 
 } // namespace
@@ -372,8 +406,9 @@ Simplifier::Simplifier(const Allocator& a, uint32_t welded_vertices)
       removed(HostAllocator<uint8_t>(a)), quadrics(HostAllocator<Quadric>(a)),
       positions(HostAllocator<Vec3f>(a)), corners(HostAllocator<uint32_t>(a)),
       next(HostAllocator<uint32_t>(a)), mate(HostAllocator<uint32_t>(a)), alive(HostAllocator<uint8_t>(a)),
-      heap(HostAllocator<HeapEntry>(a)), ring(HostAllocator<Neighbour>(a)), fan(HostAllocator<uint32_t>(a)),
-      common(HostAllocator<uint32_t>(a)), moved(HostAllocator<Moved>(a)), matcher(a) {}
+      heap(HostAllocator<HeapEntry>(a)), deferred(HostAllocator<Deferred>(a)),
+      ring(HostAllocator<Neighbour>(a)), fan(HostAllocator<uint32_t>(a)), common(HostAllocator<uint32_t>(a)),
+      moved(HostAllocator<Moved>(a)), matcher(a) {}
 
 float simplify(Simplifier& s, const Vec3f* positions, const uint8_t* locked, const SimplifyOptions& options) {
     prepare(s, positions, locked);
@@ -385,7 +420,12 @@ float simplify(Simplifier& s, const Vec3f* positions, const uint8_t* locked, con
     const float max_error2 =
         options.max_error < 1e18f ? options.max_error * options.max_error : std::numeric_limits<float>::max();
     float worst = 0;
-    while (left > options.target_triangles && !s.heap.empty()) {
+    // Collapses farther than `bound` wait until no nearer one is left: the error is a maximum, and a few that
+    // the quadrics misjudge would set it.
+    float bound = options.measure ? options.first_error * options.first_error : max_error2;
+    s.deferred.clear();
+    while (left > options.target_triangles) {
+        if (s.heap.empty() && !raise_bound(s, bound)) break;
         const Simplifier::HeapEntry top = s.heap.front();
         std::pop_heap(s.heap.begin(), s.heap.end(), later);
         s.heap.pop_back();
@@ -397,6 +437,8 @@ float simplify(Simplifier& s, const Vec3f* positions, const uint8_t* locked, con
             n.cost = may_follow(s, v, n) ? collapse_cost(s, v, n.vertex) : -1;
         }
         // Cheapest valid neighbour. A vertex whose turn has passed meanwhile goes back into the queue.
+        float nearest = std::numeric_limits<float>::max();
+        double nearest_cost = -1; // of a collapse that has to wait
         double done_cost = -1;
         uint32_t done_vertex = 0;
         for (;;) {
@@ -411,6 +453,7 @@ float simplify(Simplifier& s, const Vec3f* positions, const uint8_t* locked, con
             if (best->cost > top.cost && !s.heap.empty() && best->cost > s.heap.front().cost) {
                 s.heap.push_back({best->cost, v, s.version[v]});
                 std::push_heap(s.heap.begin(), s.heap.end(), later);
+                nearest_cost = -1;
                 break;
             }
             done_cost = best->cost;
@@ -418,10 +461,15 @@ float simplify(Simplifier& s, const Vec3f* positions, const uint8_t* locked, con
             if (!may_collapse(s, v, base, *best)) continue;
             const uint32_t u = best->vertex;
             if (options.measure) {
-                const float distance = move_points(s, positions, v, u);
+                const float distance = move_points(s, positions, v, u, std::min(bound, max_error2));
                 if (distance > max_error2) continue;
+                if (distance > bound) {
+                    if (distance < nearest) nearest = distance, nearest_cost = best->cost;
+                    continue;
+                }
                 worst = std::max(worst, distance);
             }
+            nearest_cost = -1;
             left -= collapse(s, v, u, options.measure);
             // The ring is overwritten below: remember who must be looked at again.
             s.common.clear();
@@ -433,6 +481,7 @@ float simplify(Simplifier& s, const Vec3f* positions, const uint8_t* locked, con
             }
             break;
         }
+        if (nearest_cost >= 0) s.deferred.push_back({nearest, {nearest_cost, v, s.version[v]}});
     }
 
     uint32_t out = 0;

@@ -11,7 +11,8 @@
 namespace nusselt {
 
 struct Quadric {
-    double xx = 0, yy = 0, zz = 0, xy = 0, xz = 0, yz = 0, x = 0, y = 0, z = 0, c = 0, weight = 0;
+    double xx = 0, yy = 0, zz = 0, xy = 0, xz = 0, yz = 0, x = 0, y = 0, z = 0, c = 0;
+    double weight = 0, root = 0; // area, and its square root
 };
 
 // The mesh to simplify, in and out, and scratch memory that is reused from call to call.
@@ -29,6 +30,10 @@ struct Simplifier {
     struct HeapEntry {
         double cost;
         uint32_t vertex, version;
+    };
+    struct Deferred {
+        float distance2;
+        HeapEntry entry;
     };
     struct Neighbour {
         uint32_t vertex, uses; // triangles of the centre vertex that have it
@@ -49,6 +54,7 @@ struct Simplifier {
     Vector<uint32_t> corners, next, mate;
     Vector<uint8_t> alive;
     Vector<HeapEntry> heap;
+    Vector<Deferred> deferred;
     Vector<Neighbour> ring;
     Vector<uint32_t> fan, common;
     Vector<Moved> moved;
@@ -59,8 +65,9 @@ struct Simplifier {
 struct SimplifyOptions {
     uint32_t target_triangles = 0;
     float max_error =
-        3.4e38f;         // a collapse that would move a removed vertex farther from the surface is not done
-    bool measure = true; // false: no points, no error
+        3.4e38f;           // a collapse that would move a removed vertex farther from the surface is not done
+    float first_error = 0; // collapses farther than this wait until there is no nearer one
+    bool measure = true;   // false: no points, no error
 };
 
 // Stops at the target or when nothing may collapse any more. Vertices for which `locked` (by welded vertex;
