@@ -96,7 +96,7 @@ Image sky(uint32_t width, uint32_t height, double turn) {
             const double up = std::clamp(y, 0.0, 1.0);
             const Color air = mix(horizon, zenith, 1 - std::pow(1 - up, 2.2)) +
                               (0.9 * std::pow(std::max(0.0, cosine), 12.0)) * glow +
-                              (26 * smooth(0.975, 0.995, cosine)) * disc;
+                              (40 * smooth(0.975, 0.995, cosine)) * disc;
             // The ground's light fades a little towards the nadir, where the viewer's own shade would be.
             const Color earth = (0.7 + 0.5 * (1 + std::max(-1.0, y))) * ground;
             const Color c = mix(earth, air, smooth(-0.03, 0.03, y));

@@ -8,12 +8,15 @@
 #include <pmmintrin.h>
 #include <xmmintrin.h>
 
+#include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace nusselt::tools {
 
 namespace {
 
+constexpr double margin = 1.08;
 constexpr uint32_t samples_across = 3;
 constexpr uint32_t samples_per_pixel = samples_across * samples_across;
 
@@ -28,33 +31,50 @@ glm::vec2 on_picture(const View& view, double x, double y) {
 
 } // namespace
 
-Camera frame_camera(const Bounds& bounds, const glm::vec3& direction, float fov, uint32_t width,
-                    uint32_t height) {
-    Camera camera;
-    const float length = glm::length(direction);
-    camera.forward = length > 0 ? direction / length : glm::vec3(0, 0, -1);
-    const glm::vec3 world_up = std::abs(camera.forward.y) > 0.999f ? glm::vec3(0, 0, -1) : glm::vec3(0, 1, 0);
-    const glm::vec3 right = glm::normalize(glm::cross(camera.forward, world_up));
-    const glm::vec3 up = glm::cross(right, camera.forward);
-    const float tan_y = std::tan(fov * 0.5f * 3.14159265f / 180);
-    const float tan_x = tan_y * static_cast<float>(width) / static_cast<float>(height);
+Framing make_framing(const glm::vec3& direction, float fov, uint32_t width, uint32_t height) {
+    Framing framing;
+    const double length = glm::length(glm::dvec3(direction));
+    framing.forward = length > 0 ? glm::dvec3(direction) / length : glm::dvec3(0, 0, -1);
+    const glm::dvec3 world_up =
+        std::abs(framing.forward.y) > 0.999 ? glm::dvec3(0, 0, -1) : glm::dvec3(0, 1, 0);
+    framing.right = glm::normalize(glm::cross(framing.forward, world_up));
+    framing.up = glm::cross(framing.right, framing.forward);
+    framing.tan_y = std::tan(double{fov} * 0.5 * std::numbers::pi / 180);
+    framing.tan_x = framing.tan_y * width / height;
+    return framing;
+}
 
-    // The nearest distance at which all corners lie inside the pyramid, with a margin.
-    constexpr float margin = 1.04f;
-    const glm::vec3 center = bounds.low + (bounds.high - bounds.low) * 0.5f;
-    const glm::vec3 half = (bounds.high - bounds.low) * 0.5f;
-    float distance = 0;
-    for (int corner = 0; corner < 8; ++corner) {
-        const glm::vec3 c((corner & 1 ? 1.0f : -1.0f) * half.x, (corner & 2 ? 1.0f : -1.0f) * half.y,
-                          (corner & 4 ? 1.0f : -1.0f) * half.z);
-        const float depth = glm::dot(c, camera.forward);
-        distance = std::max(distance, margin * std::abs(glm::dot(c, right)) / tan_x - depth);
-        distance = std::max(distance, margin * std::abs(glm::dot(c, up)) / tan_y - depth);
+void include(Framing& framing, const std::vector<glm::vec3>& positions) {
+    // The margin is part of the angle that is fitted.
+    const double tan_x = framing.tan_x / margin, tan_y = framing.tan_y / margin;
+    for (const glm::vec3& position : positions) {
+        if (!std::isfinite(position.x) || !std::isfinite(position.y) || !std::isfinite(position.z)) continue;
+        const glm::dvec3 p(position);
+        const double x = glm::dot(p, framing.right), y = glm::dot(p, framing.up),
+                     z = glm::dot(p, framing.forward);
+        const double reach[4] = {-x - tan_x * z, x - tan_x * z, -y - tan_y * z, y - tan_y * z};
+        for (int k = 0; k < 4; ++k)
+            framing.reach[k] = framing.empty ? reach[k] : std::max(framing.reach[k], reach[k]);
+        framing.empty = false;
     }
-    if (!(distance > 0)) distance = 1;
-    camera.eye = center - camera.forward * distance;
-    camera.right = right * tan_x;
-    camera.up = up * tan_y;
+}
+
+Camera frame_camera(const Framing& framing) {
+    // From eye (x, y, -d) a point is seen where |p.x - x| <= tan_x (p.z + d): two planes each way, which meet
+    // in the middle and need d at least their half distance over the tangent.
+    const double tan_x = framing.tan_x / margin, tan_y = framing.tan_y / margin;
+    const double* reach = framing.reach;
+    const double x = (reach[1] - reach[0]) / 2, y = (reach[3] - reach[2]) / 2;
+    const double across = (reach[0] + reach[1]) / (2 * tan_x), upright = (reach[2] + reach[3]) / (2 * tan_y);
+    double d = std::max(across, upright);
+    // A single point, or a line along the view: any distance does.
+    const double size = std::max({std::abs(d), std::abs(x), std::abs(y), 1e-30});
+    d += 1e-3 * size;
+    Camera camera;
+    camera.forward = framing.forward;
+    camera.right = framing.right * framing.tan_x;
+    camera.up = framing.up * framing.tan_y;
+    camera.eye = framing.right * x + framing.up * y - framing.forward * d;
     return camera;
 }
 

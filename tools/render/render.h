@@ -19,10 +19,20 @@ struct Camera {
     glm::vec3 right{1, 0, 0}, up{0, 1, 0}, forward{0, 0, -1};
 };
 
-// Looks along `direction` from where the whole of `bounds` is seen. `fov` is vertical, in degrees; +y is up
-// unless the direction is vertical.
-Camera frame_camera(const Bounds& bounds, const glm::vec3& direction, float fov, uint32_t width,
-                    uint32_t height);
+// Gathers what a camera that looks along `direction` has to show; +y is up unless the direction is vertical.
+// `fov` is vertical, in degrees.
+struct Framing {
+    glm::dvec3 right, up, forward;
+    double tan_x = 0, tan_y = 0;
+    double reach[4] =
+        {}; // how far the picture's four border planes have to lie out: left, right, bottom, top
+    bool empty = true;
+};
+Framing make_framing(const glm::vec3& direction, float fov, uint32_t width, uint32_t height);
+// Not finite positions don't count. Several poses of a clip share a camera.
+void include(Framing& framing, const std::vector<glm::vec3>& positions);
+// The nearest place from which all of it is seen, with a margin.
+Camera frame_camera(const Framing& framing);
 
 // What the camera sees: 3 x 3 samples a pixel.
 struct View {

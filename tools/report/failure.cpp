@@ -2,8 +2,6 @@
 
 namespace nusselt::tools {
 
-namespace {
-
 std::string printable(const std::string& text) {
     constexpr size_t longest = 400;
     std::string result;
@@ -14,8 +12,6 @@ std::string printable(const std::string& text) {
     }
     return result;
 }
-
-} // namespace
 
 std::string failure_line(const std::string& subject, const std::string& text) {
     return "nusselt: " + printable(subject) + ": " + printable(text);

@@ -18,6 +18,10 @@ struct Failure : std::runtime_error {
         : std::runtime_error(text), subject(std::move(about)), exit_code(code) {}
 };
 
+// `text` without control characters, which may come from a file's name or its contents and are written as
+// '?'; cut at 400 bytes.
+std::string printable(const std::string& text);
+
 // The line "nusselt: SUBJECT: TEXT" without its end. Control characters, which may come from a file's name or
 // its contents, are written as '?'; each part is cut at 400 bytes.
 std::string failure_line(const std::string& subject, const std::string& text);

@@ -379,6 +379,20 @@ TraceResult trace_transfer(const TraceScene& scene, const Assembly& all, const T
     return result;
 }
 
+std::vector<float> open_transfers(const std::vector<glm::vec3>& normals) {
+    std::vector<float> transfer;
+    transfer.reserve(normals.size() * 25);
+    for (const glm::vec3& n : normals) {
+        const double length = std::sqrt(double{n.x} * n.x + double{n.y} * n.y + double{n.z} * n.z);
+        double open[25] = {};
+        if (length > 0 && std::isfinite(length))
+            open_transfer(n.x / length, n.y / length, n.z / length, open);
+        for (const double term : open)
+            transfer.push_back(static_cast<float>(term));
+    }
+    return transfer;
+}
+
 double seen_part(const float transfer[25]) {
     return transfer[0] / 0.28209479177387814;
 }

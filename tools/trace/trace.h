@@ -70,6 +70,9 @@ struct TraceResult {
 // same seed gives the same result for any number of threads.
 TraceResult trace_transfer(const TraceScene& scene, const Assembly& all, const TraceOptions& options);
 
+// Transfer vectors of vertices that nothing shadows, in closed form.
+std::vector<float> open_transfers(const std::vector<glm::vec3>& normals);
+
 // Relative L2 error of transfer vectors, |ours - reference| / |reference|, over receivers that see at least 1
 // %.
 struct TransferError {

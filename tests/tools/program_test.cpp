@@ -1,0 +1,328 @@
+// The program's contract, from outside: exit codes, messages, and outputs that are there whole or not at all.
+#include "tools/report/base64.h"
+#include "tools/trace/sh.h"
+#include "tools/trace/trace.h"
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <sys/wait.h>
+#include <unistd.h>
+
+namespace nusselt::tools {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string contents(const fs::path& path) {
+    std::ifstream file(path, std::ios::binary);
+    return {std::istreambuf_iterator<char>(file), {}};
+}
+
+// Two ticks of a triangle that moves along x, for a second.
+std::string moving_triangle() {
+    const float positions[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+    const float times[2] = {0, 1}, moves[6] = {0, 0, 0, 2, 0, 0};
+    std::string bytes;
+    bytes.append(reinterpret_cast<const char*>(positions), 36);
+    bytes.append(reinterpret_cast<const char*>(times), 8);
+    bytes.append(reinterpret_cast<const char*>(moves), 24);
+    return R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
+"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
+"buffers":[{"byteLength":68,"uri":"data:application/octet-stream;base64,)" +
+           base64(bytes) + R"("}],
+"bufferViews":[{"buffer":0,"byteLength":36},{"buffer":0,"byteOffset":36,"byteLength":8},
+{"buffer":0,"byteOffset":44,"byteLength":24}],
+"accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]},
+{"bufferView":1,"componentType":5126,"count":2,"type":"SCALAR","min":[0],"max":[1]},
+{"bufferView":2,"componentType":5126,"count":2,"type":"VEC3"}],
+"animations":[{"name":"slide","channels":[{"sampler":0,"target":{"node":0,"path":"translation"}}],
+"samplers":[{"input":1,"output":2}]}]})";
+}
+
+struct Outcome {
+    int code = -1;
+    std::string out, err;
+};
+
+class Program : public testing::Test {
+protected:
+    fs::path folder;
+
+    void SetUp() override {
+        std::string name = (fs::temp_directory_path() / "nusselt-program-XXXXXX").string();
+        folder = mkdtemp(name.data());
+        std::ofstream(folder / "slide.gltf") << moving_triangle();
+        // A box, outside counter-clockwise, and a lid over it.
+        std::ofstream(folder / "box.obj")
+            << "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n"
+               "f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n"
+               "v -1 -1 1.5\nv 2 -1 1.5\nv 2 2 1.5\nv -1 2 1.5\nf 9 10 11 12\n";
+        // A floor and a wall behind it.
+        std::ofstream(folder / "corner.obj") << "v 0 0 0\nv 0 0 2\nv 2 0 2\nv 2 0 0\nf 1 2 3 4\n"
+                                                "v 0 -1 0.2\nv 2 -1 0.2\nv 2 2 0.2\nv 0 2 0.2\nf 5 6 7 8\n";
+        std::ofstream(folder / "broken.glb") << "glTF, or so it says";
+        std::ofstream(folder / "light.hdr", std::ios::binary)
+            << "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n"
+            << std::string(32, '\x81');
+    }
+    void TearDown() override {
+        std::error_code ignored;
+        fs::remove_all(folder, ignored);
+    }
+
+    // Relative names in `arguments` lie in the test's folder.
+    Outcome run(const std::string& arguments, const std::string& environment = {}) {
+        const std::string command =
+            "cd '" + folder.string() + "' && " + environment + " '" NUSSELT_PROGRAM "' " + arguments + " >'" +
+            (folder / "stdout").string() + "' 2>'" + (folder / "stderr").string() + "'";
+        const int status = std::system(command.c_str());
+        return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, contents(folder / "stdout"),
+                contents(folder / "stderr")};
+    }
+
+    // One line on stderr that holds all of `parts`, and no `out`.
+    void expect_failure(int code, const std::string& arguments, const std::vector<std::string>& parts,
+                        const std::string& environment = {}) {
+        const Outcome result = run(arguments, environment);
+        EXPECT_EQ(result.code, code) << arguments << '\n' << result.err;
+        EXPECT_TRUE(result.err.starts_with("nusselt: ")) << result.err;
+        EXPECT_EQ(result.err.find('\n'), result.err.size() - 1) << result.err;
+        for (const std::string& part : parts)
+            EXPECT_NE(result.err.find(part), std::string::npos) << arguments << '\n' << result.err;
+        EXPECT_EQ(result.out, "") << arguments;
+        EXPECT_FALSE(fs::exists(folder / "out")) << arguments;
+        for (const fs::directory_entry& entry : fs::directory_iterator(folder))
+            EXPECT_FALSE(entry.path().filename().string().starts_with(".")) << entry.path();
+    }
+
+    std::vector<float> floats(const std::string& name) {
+        const std::string bytes = contents(folder / name);
+        const size_t start = bytes.find('\n') + 1;
+        std::vector<float> values((bytes.size() - start) / 4);
+        std::memcpy(values.data(), bytes.data() + start, values.size() * 4);
+        return values;
+    }
+};
+
+TEST_F(Program, Help) {
+    const Outcome help = run("--help");
+    EXPECT_EQ(help.code, 0);
+    EXPECT_EQ(help.err, "");
+    for (const char* command : {"demo", "info", "transfer", "render"}) {
+        EXPECT_NE(help.out.find(command), std::string::npos) << command;
+        const Outcome own = run(std::string(command) + " --help");
+        EXPECT_EQ(own.code, 0);
+        EXPECT_GT(own.out.size(), 100u) << command;
+    }
+    const Outcome render = run("render --help");
+    for (const char* option : {"--out", "--env", "--clip", "--time", "--frames", "--fps", "--shadows",
+                               "--brdf", "--size", "--quality", "--threads", "--isa", "--rays"})
+        EXPECT_NE(render.out.find(option), std::string::npos) << option;
+    EXPECT_NE(run("--version").out.find("nusselt"), std::string::npos);
+}
+
+TEST_F(Program, UsageErrors) {
+    expect_failure(2, "", {"subcommand"});
+    expect_failure(2, "paint", {"paint"});
+    expect_failure(2, "transfer", {"--help"});
+    expect_failure(2, "transfer box.obj", {"--out"});
+    expect_failure(2, "transfer box.obj --out out --speed 9", {"--speed"});
+    expect_failure(2, "transfer box.obj --out out --quality superb",
+                   {"superb", "paper, draft, standard, fine"});
+    expect_failure(2, "transfer box.obj --out out --isa mmx", {"mmx", "scalar"});
+    expect_failure(2, "transfer box.obj --out out", {"NUSSELT_ISA", "mmx", "scalar"}, "NUSSELT_ISA=mmx");
+    expect_failure(2, "transfer box.obj --out out --threads 0", {"--threads"});
+    expect_failure(2, "transfer box.obj --out out --threads many", {"many"});
+    expect_failure(2, "transfer box.obj --out out --repeat 0", {"--repeat"});
+    expect_failure(2, "transfer box.obj --out ''", {"--out"});
+    expect_failure(2, "render box.obj --out out --size 9", {"--size", "WIDTHxHEIGHT"});
+    expect_failure(2, "render box.obj --out out --size 0x9", {"--size"});
+    expect_failure(2, "render box.obj --out out --brdf phong", {"phong", "lambert"});
+    expect_failure(2, "render box.obj --out out --shadows some", {"some", "off, on, traced"});
+    expect_failure(2, "render slide.gltf --out out --time 0 --frames 2", {"--frames"});
+    expect_failure(2, "render slide.gltf --out out --frames 2 --fps 0", {"--fps"});
+}
+
+TEST_F(Program, ClipsAndTimesOutsideAreListed) {
+    expect_failure(2, "transfer slide.gltf --out out --clip jump", {"jump", "0 'slide' (1 s)"});
+    expect_failure(2, "transfer slide.gltf --out out --clip 1", {"'1'", "0 'slide'"});
+    expect_failure(2, "transfer box.obj --out out --clip 0", {"has none"});
+    expect_failure(2, "transfer slide.gltf --out out --time 1.5", {"1.5 s", "lasts 1 s"});
+    expect_failure(2, "transfer slide.gltf --out out --time -1", {"-1 s"});
+    expect_failure(2, "transfer slide.gltf --out out --time nan", {"--time"});
+    expect_failure(2, "transfer box.obj --out out --time 1", {"stands still"});
+    expect_failure(2, "render slide.gltf --out out --frames 32", {"31 frames"});
+    expect_failure(2, "render box.obj --out out --frames 2", {"stands still"});
+}
+
+TEST_F(Program, BadInput) {
+    expect_failure(1, "info broken.glb", {"broken.glb: "});
+    expect_failure(1, "transfer broken.glb --out out", {"broken.glb: "});
+    expect_failure(1, "transfer missing.gltf --out out", {"missing.gltf: "});
+    expect_failure(1, "transfer . --out out", {".: "});
+    expect_failure(1, "render broken.glb --out out", {"broken.glb: "});
+    expect_failure(1, "render box.obj --out out --env box.obj", {"box.obj: ", ".hdr"});
+    expect_failure(1, "render box.obj --out out --env missing.hdr", {"missing.hdr: "});
+}
+
+TEST_F(Program, UnwritableOutput) {
+    expect_failure(1, "transfer box.obj --out box.obj", {"box.obj: ", "not a directory"});
+    expect_failure(1, "transfer box.obj --out box.obj/out", {"box.obj/out: "});
+    expect_failure(1, "render box.obj --out /proc/no/where", {"/proc/no/where: "});
+    expect_failure(1, "demo --quick --out /proc/no/where", {"/proc/no/where: "});
+    const std::string full =
+        "'" NUSSELT_PROGRAM "' info '" + (folder / "box.obj").string() + "' >/dev/full 2>/dev/null";
+    const int status = std::system(full.c_str());
+    EXPECT_EQ(WEXITSTATUS(status), 1);
+}
+
+TEST_F(Program, TransferWritesArraysAndStats) {
+    const Outcome result = run("transfer box.obj --out out --threads 1 --repeat 3");
+    ASSERT_EQ(result.code, 0) << result.err;
+    EXPECT_EQ(result.err, "");
+    const auto stats = nlohmann::json::parse(contents(folder / "out" / "stats.json"));
+    const size_t vertices = stats["vertices"], triangles = stats["triangles"];
+    EXPECT_EQ(triangles, 14u);
+    EXPECT_EQ(stats["quality"], "standard");
+    EXPECT_EQ(stats["threads"], 1);
+    EXPECT_LE(stats["frame_ms"]["min"], stats["frame_ms"]["median"]);
+    EXPECT_GT(stats["us_per_vertex"]["min"], 0);
+    EXPECT_EQ(stats["counts"]["receivers"], vertices);
+    EXPECT_TRUE(stats["stage_ms"].contains("raster"));
+
+    const auto header = [&](const std::string& name) {
+        return contents(folder / "out" / name).substr(10, 70);
+    };
+    const std::string v = std::to_string(vertices);
+    EXPECT_NE(header("positions.npy").find("'<f4', 'fortran_order': False, 'shape': (" + v + ", 3)"),
+              std::string::npos);
+    EXPECT_NE(header("normals.npy").find("'<f4', 'fortran_order': False, 'shape': (" + v + ", 3)"),
+              std::string::npos);
+    EXPECT_NE(header("indices.npy").find("'<u4', 'fortran_order': False, 'shape': (14, 3)"),
+              std::string::npos);
+    EXPECT_NE(header("transfer.npy").find("'<f4', 'fortran_order': False, 'shape': (" + v + ", 25)"),
+              std::string::npos);
+    EXPECT_NE(header("masks.npy").find("'<u4', 'fortran_order': False, 'shape': (" + v + ", 32)"),
+              std::string::npos);
+    EXPECT_EQ(std::distance(fs::directory_iterator(folder / "out"), {}), 6);
+
+    // The box's bottom sees everything, its top the lid.
+    const std::vector<float> positions = floats("out/positions.npy"), normals = floats("out/normals.npy"),
+                             transfer = floats("out/transfer.npy");
+    int open = 0, covered = 0;
+    for (size_t k = 0; k < vertices; ++k) {
+        const float seen = static_cast<float>(seen_part(&transfer[k * 25]));
+        if (normals[3 * k + 2] < -0.3f && positions[3 * k + 2] < 1) open += seen > 0.99f;
+        if (normals[3 * k + 2] > 0.3f && positions[3 * k + 2] == 1) covered += seen < 0.8f;
+    }
+    EXPECT_GE(open, 4);
+    EXPECT_GE(covered, 4);
+}
+
+TEST_F(Program, SameBitsForThreadsAndInstructionSets) {
+    ASSERT_EQ(run("transfer box.obj --out a --threads 2").code, 0);
+    ASSERT_EQ(run("transfer box.obj --out b --threads 1 --isa scalar").code, 0);
+    ASSERT_EQ(run("transfer box.obj --out c --threads 1", "NUSSELT_ISA=scalar").code, 0);
+    for (const char* name : {"transfer.npy", "masks.npy"}) {
+        EXPECT_EQ(contents(folder / "a" / name), contents(folder / "b" / name)) << name;
+        EXPECT_EQ(contents(folder / "a" / name), contents(folder / "c" / name)) << name;
+    }
+    for (const char* out : {"b", "c"})
+        EXPECT_EQ(nlohmann::json::parse(contents(folder / out / "stats.json"))["isa"], "scalar");
+}
+
+TEST_F(Program, TimeMovesTheModel) {
+    ASSERT_EQ(run("transfer slide.gltf --out a").code, 0);
+    ASSERT_EQ(run("transfer slide.gltf --out b --clip slide --time 0.5").code, 0);
+    ASSERT_EQ(run("transfer slide.gltf --out c --time 1").code, 0);
+    EXPECT_EQ(floats("a/positions.npy")[0], 0.0f);
+    EXPECT_EQ(floats("b/positions.npy")[0], 1.0f);
+    EXPECT_EQ(floats("c/positions.npy")[0], 2.0f);
+    EXPECT_EQ(nlohmann::json::parse(contents(folder / "c" / "stats.json"))["clip"], "slide");
+}
+
+TEST_F(Program, QualitiesHaveTheirMasks) {
+    for (const auto& [quality, words] :
+         {std::pair("paper", 32), {"draft", 32}, {"standard", 32}, {"fine", 128}}) {
+        const Outcome result = run(std::string("transfer box.obj --out out --quality ") + quality);
+        if (result.code == 1 && std::string(quality) != "standard") continue; // said to be unsupported
+        EXPECT_EQ(result.code, 0) << quality << result.err;
+        EXPECT_NE(contents(folder / "out" / "masks.npy").find(", " + std::to_string(words) + ")"),
+                  std::string::npos);
+    }
+}
+
+TEST_F(Program, Render) {
+    ASSERT_EQ(run("render box.obj --out out --size 40x30").code, 0);
+    const std::string png = contents(folder / "out" / "frame_0000.png");
+    EXPECT_TRUE(png.starts_with("\x89PNG\r\n\x1a\n"));
+    EXPECT_EQ(png.substr(16, 8), std::string("\0\0\0\x28\0\0\0\x1e", 8));
+    for (const char* mode : {"off", "on", "traced"}) {
+        const Outcome result =
+            run(std::string("render corner.obj --size 40x30 --env light.hdr --rays 64 --shadows ") + mode +
+                " --out " + mode);
+        EXPECT_EQ(result.code, 0) << result.err;
+        EXPECT_EQ(result.err, "");
+    }
+    EXPECT_TRUE(contents(folder / "off" / "frame_0000.png") != contents(folder / "on" / "frame_0000.png"));
+    ASSERT_EQ(run("render slide.gltf --out clip --size 40x30 --frames 3 --fps 2").code, 0);
+    EXPECT_TRUE(contents(folder / "clip" / "frame_0000.png") != contents(folder / "clip" / "frame_0001.png"));
+    EXPECT_TRUE(fs::exists(folder / "clip" / "frame_0002.png"));
+    EXPECT_FALSE(fs::exists(folder / "clip" / "frame_0003.png"));
+}
+
+TEST_F(Program, Info) {
+    const Outcome text = run("info slide.gltf");
+    EXPECT_EQ(text.code, 0);
+    EXPECT_NE(text.out.find("slide"), std::string::npos);
+    EXPECT_NE(text.out.find("open"), std::string::npos);
+    const Outcome json = run("info box.obj --json");
+    const auto report = nlohmann::json::parse(json.out);
+    EXPECT_EQ(report["triangles"], 14);
+    EXPECT_EQ(report["meshes"][0]["closed_components"], 1);
+    EXPECT_EQ(report["meshes"][0]["components"], 2);
+    EXPECT_EQ(report["clips"].size(), 0u);
+}
+
+TEST_F(Program, OutputThatIsThereIsReplacedWhole) {
+    ASSERT_EQ(run("transfer box.obj --out out").code, 0);
+    const std::string first = contents(folder / "out" / "transfer.npy");
+    std::ofstream(folder / "out" / "mine.txt") << "mine";
+    ASSERT_EQ(run("transfer slide.gltf --out out").code, 0);
+    EXPECT_NE(contents(folder / "out" / "transfer.npy"), first);
+    EXPECT_EQ(contents(folder / "out" / "mine.txt"), "mine");
+    EXPECT_EQ(std::distance(fs::directory_iterator(folder / "out"), {}), 7);
+}
+
+TEST_F(Program, Demo) {
+    const Outcome result = run("demo --quick --out out/demo");
+    ASSERT_EQ(result.code, 0) << result.err;
+    EXPECT_EQ(result.err, "");
+    EXPECT_TRUE(result.out.ends_with("\nout/demo/index.html\n")) << result.out;
+    const std::string page = contents(folder / "out" / "demo" / "index.html");
+    // Self-contained: nothing is fetched.
+    EXPECT_EQ(page.find("http"), std::string::npos);
+    EXPECT_EQ(page.find("src=\""), std::string::npos);
+    const auto table = nlohmann::json::parse(contents(folder / "out" / "demo" / "table.json"));
+    ASSERT_EQ(table["scenes"].size(), 4u);
+    for (const auto& scene : table["scenes"]) {
+        const std::string name = scene["name"];
+        EXPECT_NE(result.out.find(name), std::string::npos);
+        EXPECT_NEAR(scene["vertices"].get<double>() / scene["paper"]["vertices"].get<double>(), 1, 0.05)
+            << name;
+        EXPECT_NEAR(scene["triangles"].get<double>() / scene["paper"]["triangles"].get<double>(), 1, 0.05)
+            << name;
+        // Loose: small pictures, few rays. The benchmark has the figures.
+        EXPECT_LT(scene["clear_mean"], 0.08) << name;
+        EXPECT_TRUE(fs::exists(folder / "out" / "demo" / "frames" / (name + "_01.png")));
+    }
+}
+
+} // namespace
+} // namespace nusselt::tools

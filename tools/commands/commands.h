@@ -1,0 +1,53 @@
+// The program's commands. Each throws Failure; everything else is a fault of the program.
+#pragma once
+
+#include "tools/commands/engine.h"
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+namespace nusselt::tools {
+
+struct DemoOptions {
+    std::string out;
+    bool quick = false; // small pictures, few frames and rays: for tests
+    EngineOptions engine;
+};
+void run_demo(const DemoOptions& options);
+
+struct InfoOptions {
+    std::string model;
+    bool json = false;
+};
+void run_info(const InfoOptions& options);
+
+struct TransferOptions {
+    std::string model, out, clip;
+    std::optional<double> time;
+    Quality quality = Quality::standard;
+    EngineOptions engine;
+    uint32_t repeat = 1;
+};
+void run_transfer(const TransferOptions& options);
+
+enum class Shadows { off, on, traced };
+
+struct RenderOptions {
+    std::string model, out, clip;
+    std::string environment = "sky";
+    std::optional<double> time;
+    std::optional<uint32_t> frames;
+    double fps = 30;
+    Shadows shadows = Shadows::on;
+    uint32_t rays = 1024;
+    uint32_t width = 960, height = 720;
+    Quality quality = Quality::standard;
+    EngineOptions engine;
+};
+void run_render(const RenderOptions& options);
+
+// Parses the command line, runs a command and returns the exit code.
+int run_program(int argc, const char* const* argv);
+
+} // namespace nusselt::tools

@@ -1,0 +1,166 @@
+#include "tools/commands/engine.h"
+
+#include "tools/image/image.h"
+#include "tools/report/failure.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <thread>
+
+namespace nusselt::tools {
+
+namespace {
+
+std::string available_isas() {
+    std::string list;
+    for (const Isa isa : {Isa::scalar, Isa::sse4, Isa::avx2, Isa::avx512})
+        if (isa_available(isa)) list += std::string(list.empty() ? "" : ", ") + isa_name(isa);
+    return list;
+}
+
+Vec3View view(const std::vector<glm::vec3>& vectors) {
+    return {vectors.empty() ? nullptr : &vectors[0].x, vectors.size(), sizeof(glm::vec3)};
+}
+
+} // namespace
+
+Quality parse_quality(const std::string& name) {
+    Quality quality = Quality::standard;
+    if (quality_from_name(name.c_str(), &quality)) return quality;
+    std::string list;
+    for (const Quality each : {Quality::paper, Quality::draft, Quality::standard, Quality::fine})
+        list += std::string(list.empty() ? "" : ", ") + quality_name(each);
+    throw Failure("--quality", "there is no quality '" + name + "'; choose one of " + list, exit_usage);
+}
+
+Isa parse_isa(const std::string& name) {
+    Isa isa = Isa::best;
+    if (!isa_from_name(name.c_str(), &isa)) {
+        throw Failure("--isa",
+                      "there is no instruction set '" + name + "'; this machine has " + available_isas(),
+                      exit_usage);
+    }
+    if (isa != Isa::best && !isa_available(isa)) {
+        throw Failure("--isa", "'" + name + "' is not available here; this machine has " + available_isas(),
+                      exit_usage);
+    }
+    return isa;
+}
+
+void check_isa_variable() {
+    const char* name = std::getenv("NUSSELT_ISA");
+    Isa isa = Isa::best;
+    if (!name || !*name) return;
+    if (!isa_from_name(name, &isa) || (isa != Isa::best && !isa_available(isa))) {
+        throw Failure("NUSSELT_ISA",
+                      std::string("the environment asks for '") + name +
+                          "', which is not available; this machine has " + available_isas(),
+                      exit_usage);
+    }
+}
+
+Engine::Engine(const scenes::Scene& scene, const EngineOptions& options, std::string subject)
+    : subject_(std::move(subject)), executor_(serial_executor()) {
+    try {
+        threads_ = options.threads ? options.threads : std::max(1u, std::thread::hardware_concurrency());
+        if (threads_ > 1) {
+            const Status status = create_tbb_executor(threads_, &executor_);
+            // A build without TBB still works, on one thread, unless more were asked for.
+            if (status.code == StatusCode::unsupported && options.threads == 0) {
+                executor_ = serial_executor();
+                threads_ = 1;
+            } else {
+                check(status);
+            }
+        }
+        ContextDesc desc;
+        desc.executor = executor_;
+        desc.isa = options.isa;
+        check(create_context(desc, &context_));
+        for (const scenes::Mesh& mesh : scene.meshes) {
+            MeshDesc mesh_desc;
+            mesh_desc.rest_positions = view(mesh.rest_positions);
+            mesh_desc.rest_normals = view(mesh.rest_normals);
+            mesh_desc.indices = mesh.indices.data();
+            mesh_desc.index_count = mesh.indices.size();
+            MeshId id;
+            check(add_mesh(context_, mesh_desc, &id));
+            meshes_.push_back(id);
+        }
+        frame_.resize(meshes_.size());
+    } catch (...) {
+        (void)destroy_context(context_);
+        destroy_executor(&executor_);
+        throw;
+    }
+}
+
+Engine::~Engine() {
+    // No frame outlives the call that submitted it, so the context is never busy.
+    (void)destroy_context(context_);
+    destroy_executor(&executor_);
+}
+
+void Engine::check(const Status& status) const {
+    if (!status.ok()) throw Failure(subject_, status.text);
+}
+
+MeshInfo Engine::mesh(size_t number) const {
+    MeshInfo info;
+    check(mesh_info(context_, meshes_[number], &info));
+    return info;
+}
+
+FrameStats Engine::frame(const scenes::Pose& pose, Quality quality, std::vector<float>& transfer,
+                         std::vector<uint32_t>* masks) {
+    size_t vertices = 0;
+    for (const std::vector<glm::vec3>& positions : pose.positions)
+        vertices += positions.size();
+    const size_t words = quality_mask_bits(quality) / 32;
+    transfer.resize(vertices * 25);
+    if (masks) masks->resize(vertices * words);
+    size_t first = 0;
+    for (size_t m = 0; m < meshes_.size(); ++m) {
+        const size_t count = pose.positions[m].size();
+        frame_[m].mesh = meshes_[m];
+        frame_[m].positions = view(pose.positions[m]);
+        frame_[m].normals = view(pose.normals[m]);
+        frame_[m].transfer = {transfer.data() + first * 25, count, 100};
+        frame_[m].masks = masks ? MaskView{masks->data() + first * words, count, words * 4} : MaskView{};
+        first += count;
+    }
+    FrameDesc desc;
+    desc.meshes = frame_.data();
+    desc.mesh_count = static_cast<uint32_t>(frame_.size());
+    desc.quality = quality;
+    FrameId id;
+    FrameStats stats;
+    check(submit(context_, desc, &id));
+    check(wait(context_, id, &stats));
+    return stats;
+}
+
+std::vector<float> Engine::shade(const float light[75], std::vector<float>& transfer,
+                                 const std::vector<glm::vec3>& albedo) const {
+    std::vector<float> radiance(albedo.size() * 3);
+    check(nusselt::shade(context_, light, {transfer.data(), albedo.size(), 100}, view(albedo),
+                         radiance.data()));
+    return radiance;
+}
+
+std::vector<float> project_environment(const Image& environment, const std::string& name) {
+    std::vector<float> light(75);
+    uint64_t bad = 0;
+    const Status status =
+        sh_project_latlong(environment.rgb.data(), environment.width, environment.height, light.data(), &bad);
+    if (!status.ok()) throw Failure(name, status.text);
+    if (bad > 0) {
+        const std::string text =
+            std::to_string(bad) + " pixels are negative or not finite and count as black; repair the image";
+        std::fprintf(stderr, "%s\n", failure_line(name, text).c_str());
+    }
+    return light;
+}
+
+} // namespace nusselt::tools

@@ -1,0 +1,255 @@
+#include "tools/commands/commands.h"
+
+#include "tools/report/failure.h"
+#include "tools/report/progress.h"
+
+#include <CLI/CLI.hpp>
+
+#include <cstdio>
+#include <new>
+
+namespace nusselt::tools {
+
+namespace {
+
+constexpr uint32_t most_frames = 100000;
+constexpr uint32_t largest_side = 8192;
+
+void tell(const Failure& failure) {
+    std::fprintf(stderr, "%s\n", failure_line(failure.subject, failure.what()).c_str());
+}
+
+void at_least_one(const char* option, uint32_t value, uint32_t most) {
+    if (value >= 1 && value <= most) return;
+    throw Failure(option, "must lie between 1 and " + std::to_string(most) + "; choose such a number",
+                  exit_usage);
+}
+
+void parse_size(const std::string& text, uint32_t& width, uint32_t& height) {
+    int used = 0;
+    unsigned w = 0, h = 0;
+    const bool fits = text.size() <= 11 && text.find_first_not_of("0123456789x") == std::string::npos &&
+                      std::sscanf(text.c_str(), "%ux%u%n", &w, &h, &used) == 2 &&
+                      static_cast<size_t>(used) == text.size();
+    if (!fits || w < 1 || h < 1 || w > largest_side || h > largest_side) {
+        throw Failure("--size",
+                      "'" + text + "' is no WIDTHxHEIGHT of 1 to 8192 pixels; write it like 960x720",
+                      exit_usage);
+    }
+    width = w;
+    height = h;
+}
+
+Shadows parse_shadows(const std::string& name) {
+    if (name == "off") return Shadows::off;
+    if (name == "on") return Shadows::on;
+    if (name == "traced") return Shadows::traced;
+    throw Failure("--shadows", "there is no '" + name + "'; choose one of off, on, traced", exit_usage);
+}
+
+// What the options say as text, before it is understood.
+struct Words {
+    std::string quality = "standard", isa = "best", shadows = "on", size = "960x720", brdf = "lambert";
+    uint32_t threads = 0;
+};
+
+void add_engine(CLI::App& command, Words& words) {
+    command
+        .add_option(
+            "--quality", words.quality,
+            "paper (the method as published), draft (fewest triangles), standard, fine (4096-bit masks)")
+        ->type_name("NAME")
+        ->capture_default_str();
+    command
+        .add_option("--threads", words.threads,
+                    "threads to compute on; 1: serial, no thread is made; default: all")
+        ->type_name("N");
+    command
+        .add_option("--isa", words.isa, "instruction set: scalar, sse4, avx2, avx512, best; also NUSSELT_ISA")
+        ->type_name("NAME")
+        ->capture_default_str();
+}
+
+EngineOptions parse_engine(const CLI::App& command, const Words& words) {
+    EngineOptions engine;
+    if (command.count("--threads") > 0) at_least_one("--threads", words.threads, 1024);
+    engine.threads = words.threads;
+    engine.isa = parse_isa(words.isa);
+    if (engine.isa == Isa::best) check_isa_variable();
+    return engine;
+}
+
+void add_moment(CLI::App& command, std::string& clip, std::optional<double>& time) {
+    command
+        .add_option("--clip", clip,
+                    "animation by name or number (nusselt info lists them); default: the first, or "
+                    "with no time given the model as it stands")
+        ->type_name("NAME|N");
+    command.add_option("--time", time, "moment of the clip in seconds")->type_name("S");
+}
+
+void parse_and_run(int argc, const char* const* argv) {
+    CLI::App app("Soft self-shadows of deforming meshes: transfer vectors and pictures on the CPU.",
+                 "nusselt");
+    app.set_help_flag("--help,-h", "print this help and exit");
+    app.set_help_all_flag("--help-all", "print the help of all commands and exit");
+    app.set_version_flag("--version", configuration(), "print the version and how it was built, and exit");
+    app.require_subcommand(1);
+    app.footer("Exit code: 0 success, 1 failure, 2 usage. Errors are one line on stderr. A failed run leaves "
+               "no output.");
+
+    DemoOptions demo;
+    Words demo_words;
+    CLI::App* demo_command =
+        app.add_subcommand("demo", "built-in scenes under a sky: pictures unshadowed, ours and "
+                                   "ray-traced, times and errors, as one page");
+    demo_command->add_option("--out", demo.out, "directory for index.html, frames and table.json")
+        ->type_name("DIR")
+        ->required();
+    demo_command->add_flag("--quick", demo.quick, "few small frames with few rays");
+    demo_command->add_option("--threads", demo_words.threads, "threads for our frames; default: all")
+        ->type_name("N");
+    demo_command->add_option("--isa", demo_words.isa, "instruction set")
+        ->type_name("NAME")
+        ->capture_default_str();
+
+    InfoOptions info;
+    CLI::App* info_command =
+        app.add_subcommand("info", "what a model holds: meshes, clips, closed or open, levels, warnings");
+    info_command->add_option("model", info.model, "glTF, GLB, OBJ or PLY file")
+        ->type_name("MODEL")
+        ->required();
+    info_command->add_flag("--json", info.json, "the same and more as JSON");
+
+    TransferOptions transfer;
+    Words transfer_words;
+    CLI::App* transfer_command = app.add_subcommand(
+        "transfer", "transfer vectors and masks of a posed model as NumPy arrays (.npy), and stats.json");
+    transfer_command->add_option("model", transfer.model, "glTF, GLB, OBJ or PLY file")
+        ->type_name("MODEL")
+        ->required();
+    transfer_command->add_option("--out", transfer.out, "directory for the arrays")
+        ->type_name("DIR")
+        ->required();
+    add_moment(*transfer_command, transfer.clip, transfer.time);
+    add_engine(*transfer_command, transfer_words);
+    transfer_command
+        ->add_option("--repeat", transfer.repeat, "frames to time; several are preceded by one untimed")
+        ->type_name("N")
+        ->capture_default_str();
+
+    RenderOptions render;
+    Words render_words;
+    CLI::App* render_command =
+        app.add_subcommand("render", "pictures of a model with soft self-shadows (PNG)");
+    render_command->add_option("model", render.model, "glTF, GLB, OBJ or PLY file")
+        ->type_name("MODEL")
+        ->required();
+    render_command->add_option("--out", render.out, "directory for frame_0000.png and on")
+        ->type_name("DIR")
+        ->required();
+    render_command
+        ->add_option("--env", render.environment,
+                     "environment, a latitude-longitude .hdr or .exr image, or 'sky' for the built-in one")
+        ->type_name("FILE|sky")
+        ->capture_default_str();
+    add_moment(*render_command, render.clip, render.time);
+    CLI::Option* frames =
+        render_command->add_option("--frames", render.frames, "pictures from the clip's start on")
+            ->type_name("N");
+    frames->excludes("--time");
+    render_command->add_option("--fps", render.fps, "pictures a second of the clip, with --frames")
+        ->type_name("F")
+        ->needs(frames)
+        ->capture_default_str();
+    render_command
+        ->add_option("--shadows", render_words.shadows,
+                     "off, on, or traced: from ray-traced transfer vectors")
+        ->type_name("MODE")
+        ->capture_default_str();
+    render_command->add_option("--rays", render.rays, "rays a vertex with --shadows traced")
+        ->type_name("N")
+        ->capture_default_str();
+    render_command->add_option("--brdf", render_words.brdf, "reflection: lambert")
+        ->type_name("NAME")
+        ->capture_default_str();
+    render_command->add_option("--size", render_words.size, "of the pictures, in pixels")
+        ->type_name("WxH")
+        ->capture_default_str();
+    add_engine(*render_command, render_words);
+
+    if (argc > 1 && argv[1][0] != '-') {
+        bool known = false;
+        std::string list;
+        for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
+            known = known || command->get_name() == argv[1];
+            list.append(list.empty() ? "" : ", ").append(command->get_name());
+        }
+        if (!known) {
+            throw Failure("usage",
+                          std::string("there is no command '") + argv[1] + "'; choose one of " + list,
+                          exit_usage);
+        }
+    }
+    try {
+        app.parse(argc, argv);
+    } catch (const CLI::Success& done) {
+        app.exit(done);
+        return;
+    } catch (const CLI::ParseError& error) {
+        std::string command;
+        for (const CLI::App* parsed : app.get_subcommands())
+            command = parsed->get_name() + " ";
+        throw Failure("usage", std::string(error.what()) + "; see nusselt " + command + "--help", exit_usage);
+    }
+
+    if (demo_command->parsed()) {
+        demo.engine = parse_engine(*demo_command, demo_words);
+        run_demo(demo);
+    } else if (info_command->parsed()) {
+        run_info(info);
+    } else if (transfer_command->parsed()) {
+        transfer.engine = parse_engine(*transfer_command, transfer_words);
+        transfer.quality = parse_quality(transfer_words.quality);
+        at_least_one("--repeat", transfer.repeat, most_frames);
+        run_transfer(transfer);
+    } else {
+        render.engine = parse_engine(*render_command, render_words);
+        render.quality = parse_quality(render_words.quality);
+        render.shadows = parse_shadows(render_words.shadows);
+        parse_size(render_words.size, render.width, render.height);
+        at_least_one("--rays", render.rays, 1u << 20);
+        if (render.frames) at_least_one("--frames", *render.frames, most_frames);
+        if (!(render.fps > 0 && render.fps <= 1e6)) {
+            throw Failure("--fps", "must be a positive number; 30 is usual", exit_usage);
+        }
+        if (render_words.brdf != "lambert") {
+            throw Failure("--brdf", "there is no '" + render_words.brdf + "'; choose lambert", exit_usage);
+        }
+        run_render(render);
+    }
+}
+
+} // namespace
+
+int run_program(int argc, const char* const* argv) {
+    watch_signals();
+    try {
+        parse_and_run(argc, argv);
+        if (std::fflush(stdout) != 0 || std::ferror(stdout)) {
+            throw Failure("standard output", "cannot be written; check where it goes");
+        }
+        return 0;
+    } catch (const Failure& failure) {
+        tell(failure);
+        return failure.exit_code;
+    } catch (const std::bad_alloc&) {
+        tell(Failure("memory",
+                     "there is not enough of it for this; close other programs or use a smaller model"));
+    } catch (const std::exception& error) {
+        tell(Failure("internal error", std::string(error.what()) + "; please report it"));
+    }
+    return exit_failure;
+}
+
+} // namespace nusselt::tools
