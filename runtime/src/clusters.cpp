@@ -156,7 +156,7 @@ void partition_triangles(const Vector<uint32_t>& triangles, const Vec3f* positio
     }
     SplitOptions options;
     options.direction_weight = split_direction;
-    options.leaf = limit > 8 ? limit - limit / 16 : limit; // room to smooth the cuts
+    options.leaf = limit - limit / 16; // room to smooth the cuts
     split_medians(p.points, options, p.order, p.begins);
 
     const uint32_t clusters = static_cast<uint32_t>(p.begins.size() - 1);

@@ -48,7 +48,6 @@ struct Partitioner {
 void partition_triangles(const Vector<uint32_t>& triangles, const Vec3f* positions, uint32_t limit,
                          Vector<uint32_t>& local_of, Partitioner& p);
 
-// Appends one cluster with its tables of vertices and edges. At most 64 vertices, 128 edges.
 struct ClusterWriter {
     explicit ClusterWriter(const Allocator& a) : edge_number(64 * 64, 0xFF, HostAllocator<uint8_t>(a)) {}
     Vector<uint8_t> edge_number; // by pair of corners; all 0xFF between calls
@@ -59,7 +58,7 @@ struct ClusterKind {
 };
 
 // Appends clusters of the given triangles (indices into `triangles`, welded triples): one, or more where one
-// would have too many vertices. Stored in the given order.
+// would have more than 64 vertices or 128 edges. Stored in the given order.
 void append_clusters(const Vector<uint32_t>& triangles, const uint32_t* chosen, uint32_t count,
                      ClusterKind kind, ClusterWriter& writer, Vector<uint32_t>& local_of, Clusters& out);
 

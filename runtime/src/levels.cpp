@@ -138,8 +138,7 @@ bool coarsen(Builder& b, uint32_t target) {
     const size_t before = s.triangles.size() / 3;
     SimplifyOptions options;
     options.target_triangles = target;
-    options.first_error = options.max_error;
-    simplify(s, b.positions.data(), nullptr, options);
+    simplify(s, b.positions.data(), options);
     const size_t after = s.triangles.size() / 3;
     for (size_t t = 0; t < after; ++t) // `source` rises: what is read was not yet written
         b.two_sided[t] = b.two_sided[s.source[t]];

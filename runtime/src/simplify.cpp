@@ -14,9 +14,6 @@ constexpr double border_weight = 4.0;
 // Share of the squared edge length in the cost: in flat regions short edges go first, so triangles keep their
 // shape.
 constexpr double length_weight = 1e-3;
-// Where collapses wait for a larger bound: it at least doubles as a square, and lets a quarter of them
-// through.
-constexpr float bound_growth = 2.0f;
 // Twice the area over the sum of squared edges; 0.577 is equilateral. A sliver may stay but not get worse.
 constexpr double sliver_shape = 0.02;
 
@@ -177,17 +174,11 @@ bool may_collapse(Simplifier& s, uint32_t v, uint32_t ring_base, const Simplifie
     const auto is_common = [&](uint32_t w) {
         return std::find(s.common.begin(), s.common.end(), w) != s.common.end();
     };
-    if (s.locked[u]) {
-        for (const Simplifier::Neighbour& n : s.ring) {
-            if (n.vertex != u && s.locked[n.vertex] && !is_common(n.vertex)) return false;
-        }
-    }
     const Vec3d to = at(s, u), from = at(s, v);
     for (const uint32_t c : s.fan) {
         const uint32_t a = s.corners[next_corner(c)], b = s.corners[last_corner(c)];
         if (a == u || b == u) continue;
-        if (s.locked[u] && s.locked[a] && s.locked[b]) return false; // may exist outside, the other way round
-        if (is_common(a) && is_common(b)) {                          // would it lie on another one?
+        if (is_common(a) && is_common(b)) { // would it lie on another one?
             for (uint32_t d = s.head[u]; d != none; d = s.next[d]) {
                 if (!s.alive[d / 3]) continue;
                 const uint32_t e = s.corners[next_corner(d)], f = s.corners[last_corner(d)];
@@ -214,7 +205,7 @@ bool may_collapse(Simplifier& s, uint32_t v, uint32_t ring_base, const Simplifie
 
 // Where the points of v's triangles, and v itself, lie after the collapse onto u: into `moved`. Returns the
 // largest squared distance.
-float move_points(Simplifier& s, const Vec3f* positions, uint32_t v, uint32_t u, float limit) {
+float move_points(Simplifier& s, const Vec3f* positions, uint32_t v, uint32_t u) {
     s.moved.clear();
     float worst = 0;
     const Vec3f to = s.positions[u];
@@ -242,7 +233,6 @@ float move_points(Simplifier& s, const Vec3f* positions, uint32_t v, uint32_t u,
     place(s.vertices[v]);
     for (const uint32_t c : s.fan) {
         for (uint32_t p = s.points[c / 3]; p != none; p = s.point_next[p]) {
-            if (worst > limit) return worst;
             place(p);
         }
     }
@@ -274,7 +264,6 @@ uint32_t collapse(Simplifier& s, uint32_t v, uint32_t u, bool measure) {
     add(s.quadrics[u], s.quadrics[v]);
     s.quadrics[u].root = std::sqrt(s.quadrics[u].weight);
     s.head[v] = none;
-    s.removed[v] = 1;
     ++s.version[v];
     return gone;
 }
@@ -304,7 +293,7 @@ bool one_fan(const Simplifier& s, uint32_t v, uint32_t count) {
     return seen == count;
 }
 
-void prepare(Simplifier& s, const Vec3f* positions, const uint8_t* locked) {
+void prepare(Simplifier& s, const Vec3f* positions) {
     const uint32_t triangle_count = static_cast<uint32_t>(s.triangles.size() / 3);
     s.vertices.clear();
     s.corners.resize(s.triangles.size());
@@ -323,14 +312,12 @@ void prepare(Simplifier& s, const Vec3f* positions, const uint8_t* locked) {
     s.stamp = 0;
     s.locked.assign(n, 0);
     s.border.assign(n, 0);
-    s.removed.assign(n, 0);
     s.quadrics.assign(n, Quadric{});
     s.positions.resize(n);
     for (uint32_t v = 0; v < n; ++v) {
         const uint32_t w = s.vertices[v];
         s.local_of[w] = none;
         s.positions[v] = positions[w];
-        s.locked[v] = locked && locked[w];
     }
     s.next.resize(s.corners.size());
     s.alive.assign(triangle_count, 1);
@@ -376,25 +363,6 @@ void prepare(Simplifier& s, const Vec3f* positions, const uint8_t* locked) {
     }
 }
 
-// Puts the collapses that a larger bound allows back into the queue; false: none waits.
-bool raise_bound(Simplifier& s, float& bound) {
-    std::erase_if(s.deferred, [&](const Simplifier::Deferred& d) {
-        return d.entry.version != s.version[d.entry.vertex];
-    });
-    if (s.deferred.empty()) return false;
-    const auto quarter = s.deferred.begin() + static_cast<ptrdiff_t>(s.deferred.size() / 4);
-    std::nth_element(s.deferred.begin(), quarter, s.deferred.end(),
-                     [](const auto& l, const auto& r) { return l.distance2 < r.distance2; });
-    bound = std::max(bound_growth * bound, quarter->distance2);
-    std::erase_if(s.deferred, [&](const Simplifier::Deferred& d) {
-        if (d.distance2 > bound) return false;
-        s.heap.push_back(d.entry);
-        return true;
-    });
-    std::make_heap(s.heap.begin(), s.heap.end(), later);
-    return true;
-}
-
 } // namespace
 
 Simplifier::Simplifier(const Allocator& a, uint32_t welded_vertices)
@@ -403,29 +371,21 @@ Simplifier::Simplifier(const Allocator& a, uint32_t welded_vertices)
       local_of(welded_vertices, none, HostAllocator<uint32_t>(a)), vertices(HostAllocator<uint32_t>(a)),
       head(HostAllocator<uint32_t>(a)), version(HostAllocator<uint32_t>(a)), mark(HostAllocator<uint32_t>(a)),
       locked(HostAllocator<uint8_t>(a)), border(HostAllocator<uint8_t>(a)),
-      removed(HostAllocator<uint8_t>(a)), quadrics(HostAllocator<Quadric>(a)),
-      positions(HostAllocator<Vec3f>(a)), corners(HostAllocator<uint32_t>(a)),
-      next(HostAllocator<uint32_t>(a)), mate(HostAllocator<uint32_t>(a)), alive(HostAllocator<uint8_t>(a)),
-      heap(HostAllocator<HeapEntry>(a)), deferred(HostAllocator<Deferred>(a)),
-      ring(HostAllocator<Neighbour>(a)), fan(HostAllocator<uint32_t>(a)), common(HostAllocator<uint32_t>(a)),
-      moved(HostAllocator<Moved>(a)), matcher(a) {}
+      quadrics(HostAllocator<Quadric>(a)), positions(HostAllocator<Vec3f>(a)),
+      corners(HostAllocator<uint32_t>(a)), next(HostAllocator<uint32_t>(a)), mate(HostAllocator<uint32_t>(a)),
+      alive(HostAllocator<uint8_t>(a)), heap(HostAllocator<HeapEntry>(a)), ring(HostAllocator<Neighbour>(a)),
+      fan(HostAllocator<uint32_t>(a)), common(HostAllocator<uint32_t>(a)), moved(HostAllocator<Moved>(a)),
+      matcher(a) {}
 
-float simplify(Simplifier& s, const Vec3f* positions, const uint8_t* locked, const SimplifyOptions& options) {
-    prepare(s, positions, locked);
+float simplify(Simplifier& s, const Vec3f* positions, const SimplifyOptions& options) {
+    prepare(s, positions);
     uint32_t left = static_cast<uint32_t>(s.alive.size());
     s.heap.clear();
     for (uint32_t v = 0; v < s.vertices.size(); ++v) {
         if (!s.locked[v]) push_best(s, v);
     }
-    const float max_error2 =
-        options.max_error < 1e18f ? options.max_error * options.max_error : std::numeric_limits<float>::max();
     float worst = 0;
-    // Collapses farther than `bound` wait until no nearer one is left: the error is a maximum, and a few that
-    // the quadrics misjudge would set it.
-    float bound = options.measure ? options.first_error * options.first_error : max_error2;
-    s.deferred.clear();
-    while (left > options.target_triangles) {
-        if (s.heap.empty() && !raise_bound(s, bound)) break;
+    while (left > options.target_triangles && !s.heap.empty()) {
         const Simplifier::HeapEntry top = s.heap.front();
         std::pop_heap(s.heap.begin(), s.heap.end(), later);
         s.heap.pop_back();
@@ -437,8 +397,6 @@ float simplify(Simplifier& s, const Vec3f* positions, const uint8_t* locked, con
             n.cost = may_follow(s, v, n) ? collapse_cost(s, v, n.vertex) : -1;
         }
         // Cheapest valid neighbour. A vertex whose turn has passed meanwhile goes back into the queue.
-        float nearest = std::numeric_limits<float>::max();
-        double nearest_cost = -1; // of a collapse that has to wait
         double done_cost = -1;
         uint32_t done_vertex = 0;
         for (;;) {
@@ -453,23 +411,13 @@ float simplify(Simplifier& s, const Vec3f* positions, const uint8_t* locked, con
             if (best->cost > top.cost && !s.heap.empty() && best->cost > s.heap.front().cost) {
                 s.heap.push_back({best->cost, v, s.version[v]});
                 std::push_heap(s.heap.begin(), s.heap.end(), later);
-                nearest_cost = -1;
                 break;
             }
             done_cost = best->cost;
             done_vertex = best->vertex;
             if (!may_collapse(s, v, base, *best)) continue;
             const uint32_t u = best->vertex;
-            if (options.measure) {
-                const float distance = move_points(s, positions, v, u, std::min(bound, max_error2));
-                if (distance > max_error2) continue;
-                if (distance > bound) {
-                    if (distance < nearest) nearest = distance, nearest_cost = best->cost;
-                    continue;
-                }
-                worst = std::max(worst, distance);
-            }
-            nearest_cost = -1;
+            if (options.measure) worst = std::max(worst, move_points(s, positions, v, u));
             left -= collapse(s, v, u, options.measure);
             // The ring is overwritten below: remember who must be looked at again.
             s.common.clear();
@@ -481,7 +429,6 @@ float simplify(Simplifier& s, const Vec3f* positions, const uint8_t* locked, con
             }
             break;
         }
-        if (nearest_cost >= 0) s.deferred.push_back({nearest, {nearest_cost, v, s.version[v]}});
     }
 
     uint32_t out = 0;

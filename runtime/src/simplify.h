@@ -31,10 +31,6 @@ struct Simplifier {
         double cost;
         uint32_t vertex, version;
     };
-    struct Deferred {
-        float distance2;
-        HeapEntry entry;
-    };
     struct Neighbour {
         uint32_t vertex, uses; // triangles of the centre vertex that have it
         double cost;
@@ -47,14 +43,13 @@ struct Simplifier {
     Vector<uint32_t> local_of;
     // By local vertex.
     Vector<uint32_t> vertices, head, version, mark;
-    Vector<uint8_t> locked, border, removed;
+    Vector<uint8_t> locked, border; // locked: not manifold
     Vector<Quadric> quadrics;
     Vector<Vec3f> positions;
     // By corner and triangle.
     Vector<uint32_t> corners, next, mate;
     Vector<uint8_t> alive;
     Vector<HeapEntry> heap;
-    Vector<Deferred> deferred;
     Vector<Neighbour> ring;
     Vector<uint32_t> fan, common;
     Vector<Moved> moved;
@@ -64,16 +59,12 @@ struct Simplifier {
 
 struct SimplifyOptions {
     uint32_t target_triangles = 0;
-    float max_error =
-        3.4e38f;           // a collapse that would move a removed vertex farther from the surface is not done
-    float first_error = 0; // collapses farther than this wait until there is no nearer one
-    bool measure = true;   // false: no points, no error
+    bool measure = true; // false: no points, no error
 };
 
-// Stops at the target or when nothing may collapse any more. Vertices for which `locked` (by welded vertex;
-// may be null) is set stay, as do non-manifold ones; borders collapse along themselves. A manifold mesh stays
-// manifold: no edge comes up between two locked vertices, so that neighbours simplified apart agree. Returns
-// the largest distance of a removed vertex (earlier calls' points included) to the result.
-float simplify(Simplifier& s, const Vec3f* positions, const uint8_t* locked, const SimplifyOptions& options);
+// Stops at the target or when nothing may collapse any more. Vertices that are not manifold stay; borders
+// collapse along themselves. A manifold mesh stays manifold. Returns the largest distance of a vertex removed
+// in this call, or of a point that moved with it, to the triangles around it (0 without `measure`).
+float simplify(Simplifier& s, const Vec3f* positions, const SimplifyOptions& options);
 
 } // namespace nusselt
