@@ -118,14 +118,17 @@ Json show_scene(const scenes::Scene& scene, const PaperRow& paper, const Scale& 
 
         const View view = cast_view(traced, camera, scale.width, scale.height);
         std::vector<float> open = open_transfers(all.normals);
-        const auto colored = [&](std::vector<float>& of) {
-            return color_view(view, all, engine.shade(light.data(), of, all.albedo));
+        const auto colored = [&](std::vector<float>& of, const std::vector<glm::vec3>& albedo) {
+            return color_view(view, all, engine.shade(light.data(), of, albedo));
         };
-        const Image without = colored(open);
-        if (k == 0) exposure = exposure_for(without, view.covered);
-        const Picture pictures[3] = {finish_view(view, without, exposure, nullptr),
-                                     finish_view(view, colored(transfer), exposure, nullptr),
-                                     finish_view(view, colored(reference), exposure, nullptr)};
+        // As in run_render.
+        if (k == 0) {
+            const std::vector<glm::vec3> white(vertices, glm::vec3(1));
+            exposure = exposure_for(colored(open, white), view.covered);
+        }
+        const Picture pictures[3] = {finish_view(view, colored(open, all.albedo), exposure, nullptr),
+                                     finish_view(view, colored(transfer, all.albedo), exposure, nullptr),
+                                     finish_view(view, colored(reference, all.albedo), exposure, nullptr)};
         char name[64];
         std::snprintf(name, sizeof name, "frames/%s_%02zu.png", scene.name.c_str(), k);
         out.add(name, encode_png(beside({&pictures[0], &pictures[1], &pictures[2]}, 6)));
@@ -212,7 +215,7 @@ void run_demo(const DemoOptions& options) {
         "and dark within rounding.",
         "All three pictures: ray-cast primary visibility, radiance per vertex from the dot product with the "
         "sky's 25 "
-        "coefficients, one exposure, taken from the unshadowed picture.",
+        "coefficients, one exposure, taken from the unshadowed surface in white.",
         "In brackets and in the last column: Table 1 of Kautz, Lehtinen, Aila 2004, Hemispherical "
         "Rasterization for "
         "Self-Shadowing of Dynamic Objects. Its scenes are not published; ours are made to its sizes.",

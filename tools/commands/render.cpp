@@ -73,11 +73,12 @@ void run_render(const RenderOptions& options) {
         } else {
             transfer = open;
         }
-        // From the open picture of the first frame, so that pictures with and without shadows compare, and
-        // that a clip doesn't flicker.
+        // From the first frame, white and unshadowed: so pictures compare with and without shadows, a clip
+        // doesn't flicker, and what is dark stays dark.
         if (k == 0) {
-            exposure = exposure_for(color_view(view, all, engine.shade(light.data(), open, all.albedo)),
-                                    view.covered);
+            const std::vector<glm::vec3> white(all.positions.size(), glm::vec3(1));
+            exposure =
+                exposure_for(color_view(view, all, engine.shade(light.data(), open, white)), view.covered);
         }
         const Image colored = color_view(view, all, engine.shade(light.data(), transfer, all.albedo));
         char name[32];

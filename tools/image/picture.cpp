@@ -42,8 +42,9 @@ float exposure_for(const Image& image, const std::vector<uint8_t>& covered) {
         sum += luminance;
         ++count;
     }
-    // The film curve maps 0.42 to about two thirds of white after sRGB.
-    return count == 0 || sum <= 0 ? 1.0f : static_cast<float>(0.42 * static_cast<double>(count) / sum);
+    // The film curve maps 0.45 to four fifths of white after sRGB: white looks white, and a lit side has room
+    // above.
+    return count == 0 || sum <= 0 ? 1.0f : static_cast<float>(0.45 * static_cast<double>(count) / sum);
 }
 
 Picture tone_map(const Image& image, float exposure) {
