@@ -92,7 +92,10 @@ struct Counters {
 };
 
 struct alignas(64) ClusterScratch {
-    float local[cluster_vertices][5][lanes]; // x, y, z, height over the horizon, squared distance
+    float local[cluster_vertices][3][lanes]; // x, y, z
+    uint64_t reach[cluster_vertices];  // one bit a lane each: above the tangent plane, over the horizon,
+                                       // nearer than `farthest`, not nearer than `nearest`
+    uint32_t halves[cluster_vertices]; // one bit a lane each: y < 0, y > 0
     uint32_t entry[cluster_edges][lanes];
 };
 

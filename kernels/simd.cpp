@@ -105,7 +105,7 @@ template<PlaneMap map>
 HWY_INLINE U plane_entry(const MaskLayout& layout, const Vec3& n) {
     const float top = static_cast<float>(layout.plane_cells - 1);
     const V half = constant(static_cast<float>(layout.plane_cells / 2));
-    const U cells = hn::Set(du, layout.plane_cells);
+    const int cells_log = __builtin_ctz(layout.plane_cells);
     const V ax = hn::Abs(n.x), ay = hn::Abs(n.y), az = hn::Abs(n.z);
     const int shift = static_cast<int>(cell_shift(layout));
     if constexpr (map == PlaneMap::octahedral) {
@@ -116,7 +116,7 @@ HWY_INLINE U plane_entry(const MaskLayout& layout, const Vec3& n) {
         const V scale = hn::Div(half, sum);
         const U u = cell_index(hn::Add(hn::Mul(hn::Add(x, y), scale), half), top);
         const U v = cell_index(hn::Add(hn::Mul(hn::Sub(x, y), scale), half), top);
-        const U cell = hn::Add(hn::Mul(v, cells), u);
+        const U cell = hn::Or(hn::ShiftLeftSame(v, cells_log), u);
         const U above = hn::Xor(hn::ShiftRight<31>(hn::BitCast(du, n.z)), hn::Set(du, 1));
         const U entry = hn::Or(hn::ShiftLeftSame(cell, shift), above);
         return hn::IfThenElse(hn::RebindMask(du, valid), entry, hn::Set(du, entry_invalid));
@@ -134,7 +134,7 @@ HWY_INLINE U plane_entry(const MaskLayout& layout, const Vec3& n) {
             hn::IfThenElse(hn::RebindMask(du, on_x), hn::Zero(du),
                            hn::IfThenElse(hn::RebindMask(du, y_over_z), hn::Set(du, 1), hn::Set(du, 2)));
         const U face = hn::Add(hn::Add(axis, axis), hn::ShiftRight<31>(hn::BitCast(du, major)));
-        const U cell = hn::Add(hn::Mul(hn::Add(hn::Mul(face, cells), v), cells), u);
+        const U cell = hn::Or(hn::ShiftLeftSame(hn::Or(hn::ShiftLeftSame(face, cells_log), v), cells_log), u);
         const U entry = hn::Xor(hn::ShiftLeftSame(cell, shift), hn::Set(du, entry_complement(layout)));
         return hn::IfThenElse(hn::RebindMask(du, valid), entry, hn::Set(du, entry_invalid));
     }
@@ -167,14 +167,12 @@ HWY_INLINE void append(const U entry[3], U destination, uint32_t offset, M mask,
 }
 
 // One job for each half of the mask that the triangle reaches, in the lanes of `active`.
-HWY_INLINE void add_jobs(const MaskLayout& layout, const U entry[3], V low, V high, uint32_t lane, M active,
-                         JobList& jobs) {
+HWY_INLINE void add_jobs(const MaskLayout& layout, const U entry[3], M lower, M upper, uint32_t lane,
+                         M active, JobList& jobs) {
     const uint32_t bytes = mask_bytes(layout);
     const U destination = hn::Mul(hn::Add(hn::Iota(du, lane), hn::Zero(du)), hn::Set(du, bytes));
-    const M below = hn::And(active, hn::Lt(low, hn::Zero(df))),
-            above = hn::And(active, hn::Gt(high, hn::Zero(df)));
-    append(entry, destination, 0, below, jobs);
-    append(entry, destination, bytes / 2, above, jobs);
+    append(entry, destination, 0, hn::And(active, lower), jobs);
+    append(entry, destination, bytes / 2, hn::And(active, upper), jobs);
 }
 
 HWY_INLINE M valid_entries(const U entry[3]) {
@@ -264,7 +262,9 @@ HWY_INLINE uint64_t visible_triangles(const ReceiverBounds& receivers, const Clu
     const V px = constant(receivers.centre[0]), py = constant(receivers.centre[1]),
             pz = constant(receivers.centre[2]);
     const V cone_cos = constant(receivers.cone_cos), cone_sin = constant(receivers.cone_sin);
-    const V radius = constant(receivers.radius * 1.00001f + 1e-6f);
+    // A little more than the sphere: the tests' own rounding must not cull. Distances are below 4.
+    const V radius = constant(receivers.radius * 1.00001f + 4e-6f);
+    const V nearest = constant(cluster.nearest), farthest = constant(cluster.farthest);
     const M narrow = hn::Gt(cone_cos, zero);
     const M two_sided = hn::Gt(constant(cluster.two_sided ? 1.0f : 0.0f), zero);
     uint64_t visible = 0;
@@ -274,10 +274,12 @@ HWY_INLINE uint64_t visible_triangles(const ReceiverBounds& receivers, const Clu
         const V height_over = hn::Sub(dot(load(0), load(1), load(2), px, py, pz), load(3));
         const M front = hn::Or(two_sided, hn::Gt(hn::Add(height_over, radius), zero));
         const V x = hn::Sub(load(4), px), y = hn::Sub(load(5), py), z = hn::Sub(load(6), pz);
-        const V square = dot(x, y, z, x, y, z), distance = hn::Sqrt(square);
-        const V reach = hn::Add(hn::Add(load(7), radius), hn::Mul(distance, constant(1e-6f)));
-        const M in_band = hn::And(hn::Lt(hn::Sub(distance, reach), constant(cluster.farthest)),
-                                  hn::Ge(hn::Add(distance, reach), constant(cluster.nearest)));
+        const V square = dot(x, y, z, x, y, z);
+        const V reach = hn::Add(load(7), radius);
+        // distance - reach < farthest, and distance + reach >= nearest, without the root.
+        const V outer = hn::Add(farthest, reach), inner = larger(hn::Sub(nearest, reach), zero);
+        const M in_band =
+            hn::And(hn::Lt(square, hn::Mul(outer, outer)), hn::Ge(square, hn::Mul(inner, inner)));
         const V along = dot(x, y, z, constant(receivers.cone[0]), constant(receivers.cone[1]),
                             constant(receivers.cone[2]));
         const V across = hn::Sqrt(larger(hn::Sub(square, hn::Mul(along, along)), zero));
@@ -333,6 +335,8 @@ void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float
             corners |= any ? own : 0;
             seen |= uint64_t(any) << t;
         }
+        // What a triangle needs to know of its corners is the OR of theirs: one bit a lane, 16 bits a
+        // question.
         for (uint64_t left = corners; left; left &= left - 1) {
             const uint32_t v = static_cast<uint32_t>(__builtin_ctzll(left));
             const float* p = points + 4 * size_t(cluster.vertices[v]);
@@ -340,22 +344,21 @@ void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float
             hn::Store(local.x, df, scratch.local[v][0]);
             hn::Store(local.y, df, scratch.local[v][1]);
             hn::Store(local.z, df, scratch.local[v][2]);
-            hn::Store(over_horizon(towards, local), df, scratch.local[v][3]);
-            hn::Store(dot(local.x, local.y, local.z, local.x, local.y, local.z), df, scratch.local[v][4]);
+            const V square = dot(local.x, local.y, local.z, local.x, local.y, local.z);
+            const V zero = hn::Zero(df);
+            const uint64_t above = bits_of(hn::Gt(local.z, zero));
+            const uint64_t over = bits_of(hn::Gt(over_horizon(towards, local), zero));
+            const uint64_t near = bits_of(hn::Lt(square, farthest)), far = bits_of(hn::Ge(square, nearest));
+            scratch.reach[v] = above | over << 16 | near << 32 | far << 48;
+            scratch.halves[v] = bits_of(hn::Lt(local.y, zero)) | bits_of(hn::Gt(local.y, zero)) << 16;
         }
         uint64_t edges[2] = {0, 0}, drawn = 0;
         for (uint64_t left = seen; left; left &= left - 1) {
             const uint32_t t = static_cast<uint32_t>(__builtin_ctzll(left));
             const uint8_t* triangle = cluster.triangles + 8 * t;
-            const auto& a = scratch.local[triangle[0]];
-            const auto& b = scratch.local[triangle[1]];
-            const auto& c = scratch.local[triangle[2]];
-            const V height = larger(larger(hn::Load(df, a[2]), hn::Load(df, b[2])), hn::Load(df, c[2]));
-            const V over = larger(larger(hn::Load(df, a[3]), hn::Load(df, b[3])), hn::Load(df, c[3]));
-            const V da = hn::Load(df, a[4]), db = hn::Load(df, b[4]), dc = hn::Load(df, c[4]);
-            const M in_band = hn::And(hn::Lt(hn::Min(hn::Min(da, db), dc), farthest),
-                                      hn::Ge(hn::Max(hn::Max(da, db), dc), nearest));
-            const uint32_t reaches = bits_of(hn::And(hn::Gt(hn::Min(height, over), hn::Zero(df)), in_band));
+            const uint64_t any =
+                scratch.reach[triangle[0]] | scratch.reach[triangle[1]] | scratch.reach[triangle[2]];
+            const uint32_t reaches = static_cast<uint32_t>(any & any >> 16 & any >> 32 & any >> 48);
             front[t] &= reaches;
             back[t] &= reaches;
             if (!(front[t] | back[t])) continue;
@@ -386,11 +389,9 @@ void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float
             }
             const M active = hn::And(mask_of(front[t] | back[t]), valid_entries(entry));
             counters.triangles_rasterized += hn::CountTrue(df, active);
-            const V ya = hn::Load(df, scratch.local[triangle[0]][1]),
-                    yb = hn::Load(df, scratch.local[triangle[1]][1]),
-                    yc = hn::Load(df, scratch.local[triangle[2]][1]);
-            add_jobs(layout, entry, hn::Min(hn::Min(ya, yb), yc), hn::Max(hn::Max(ya, yb), yc), lane, active,
-                     jobs);
+            const uint32_t halves =
+                scratch.halves[triangle[0]] | scratch.halves[triangle[1]] | scratch.halves[triangle[2]];
+            add_jobs(layout, entry, mask_of(halves & chunk_bits), mask_of(halves >> 16), lane, active, jobs);
         }
     }
 }
@@ -418,8 +419,9 @@ HWY_INLINE void free_jobs(const MaskLayout& layout, const Vec3 corner[3], const 
     }
     const M left = hn::And(active, valid_entries(entry));
     counter += hn::CountTrue(df, left);
-    add_jobs(layout, entry, hn::Min(hn::Min(corner[0].y, corner[1].y), corner[2].y),
-             hn::Max(hn::Max(corner[0].y, corner[1].y), corner[2].y), lane, left, jobs);
+    const V low = hn::Min(hn::Min(corner[0].y, corner[1].y), corner[2].y);
+    const V high = hn::Max(hn::Max(corner[0].y, corner[1].y), corner[2].y);
+    add_jobs(layout, entry, hn::Lt(low, hn::Zero(df)), hn::Gt(high, hn::Zero(df)), lane, left, jobs);
 }
 
 HWY_INLINE Vec3 load_corner(const Chunk& chunk, const float corner[3][lanes], uint32_t lane) {
