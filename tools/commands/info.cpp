@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
 #include <cstdio>
 
 namespace nusselt::tools {
@@ -69,9 +70,7 @@ void print_text(const Json& report) {
              {"boundary_edges", "non_manifold_edges", "flipped_edges", "degenerate_triangles"}) {
             if (mesh[key] == 0) continue;
             std::string name = key;
-            name.replace(name.find('_'), 1, " ");
-            if (const size_t second = name.find('_'); second != std::string::npos)
-                name.replace(second, 1, " ");
+            std::replace(name.begin(), name.end(), '_', ' ');
             append(odd, ", ", number(mesh[key]).append(" ").append(name));
         }
         if (!odd.empty()) std::printf("  %-24s %s\n", "", odd.c_str());

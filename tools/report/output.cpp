@@ -89,9 +89,9 @@ OutputDirectory::OutputDirectory(const std::string& path) : path_(path) {
             }
         }
         const fs::path target(path_);
-        const fs::path beside = existed_
-                                    ? target / ".nusselt-XXXXXX"
-                                    : target.parent_path() / ("." + target.filename().string() + "-XXXXXX");
+        fs::path beside = existed_ ? target / ".nusselt" : target.parent_path() / ".";
+        if (!existed_) beside += target.filename();
+        beside += "-XXXXXX";
         std::string name = beside.string();
         if (!mkdtemp(name.data())) {
             fail(path_, existed_ ? "cannot be written to" : "cannot be made", errno, cure_directory);
