@@ -15,6 +15,8 @@ namespace {
 
 // A level that keeps more of its triangles than this is not worth having.
 constexpr double worth_keeping = 0.8;
+// The coarse mesh is made from the last level that has so many times its triangles.
+constexpr uint32_t coarse_start = 4;
 // Vertices of more triangles than this bring no ring to their neighbours (quality `paper`): the rings of a
 // hub's neighbours would grow with the square of their number.
 constexpr uint32_t max_ring_valence = 256;
@@ -100,15 +102,18 @@ void build_rings(uint32_t welded, MeshData& mesh) {
 struct Builder {
     Builder(const Allocator& a, uint32_t welded)
         : numbers(a), positions(HostAllocator<Vec3f>(a)), two_sided(HostAllocator<uint8_t>(a)), side(numbers),
-          local_of(welded, none, numbers), level_of(welded, none, numbers), simplifier(a, welded),
-          partitioner(a), writer(a) {}
+          local_of(welded, none, numbers), coarse_triangles(numbers),
+          coarse_two_sided(HostAllocator<uint8_t>(a)), simplifier(a, welded), partitioner(a), writer(a) {}
 
     HostAllocator<uint32_t> numbers;
-    Vector<Vec3f> positions;             // welded
-    Vector<uint8_t> two_sided;           // of the simplifier's triangles
-    Vector<uint32_t> side;               // welded triples of one kind
-    Vector<uint32_t> local_of, level_of; // by welded vertex; the last level that has it
-    Simplifier simplifier;               // its triangles are the current level's
+    Vector<Vec3f> positions;           // welded
+    Vector<uint8_t> two_sided;         // of the simplifier's triangles
+    Vector<uint32_t> side;             // welded triples of one kind
+    Vector<uint32_t> local_of;         // by welded vertex
+    Vector<uint32_t> coarse_triangles; // what the coarse mesh is made from
+    Vector<uint8_t> coarse_two_sided;
+    uint32_t coarse_target = 0;
+    Simplifier simplifier; // its triangles are the current level's
     Partitioner partitioner;
     ClusterWriter writer;
 };
@@ -133,11 +138,12 @@ void add_clusters(Builder& b, const LevelOptions& options, uint8_t level, Cluste
 }
 
 // Simplifies the current level to about `target` triangles. False: there was too little to gain.
-bool coarsen(Builder& b, uint32_t target) {
+bool coarsen(Builder& b, uint32_t target, bool measure) {
     Simplifier& s = b.simplifier;
     const size_t before = s.triangles.size() / 3;
     SimplifyOptions options;
     options.target_triangles = target;
+    options.measure = measure;
     simplify(s, b.positions.data(), options);
     const size_t after = s.triangles.size() / 3;
     for (size_t t = 0; t < after; ++t) // `source` rises: what is read was not yet written
@@ -172,15 +178,12 @@ Vec3d nearest_weights(Vec3d p, Vec3d a, Vec3d b, Vec3d c) {
     return {va / sum, vb / sum, vc / sum};
 }
 
-// Samples of the current level, `level`, at the vertices that went with it.
-void add_samples(Builder& b, uint32_t level, LevelSamples& samples) {
+// Samples of the current level at the vertices that the one before it has and it lacks.
+void add_samples(const Builder& b, LevelSamples& samples) {
     const Simplifier& s = b.simplifier;
-    for (const uint32_t w : s.triangles)
-        b.level_of[w] = level;
     for (size_t t = 0; t < s.points.size(); ++t) {
         const uint32_t* corner = s.triangles.data() + 3 * t;
         for (uint32_t p = s.points[t]; p != none; p = s.point_next[p]) {
-            if (b.level_of[p] != level - 1) continue;
             const auto at = [&](uint32_t w) { return to_double(b.positions[w]); };
             const Vec3f weight =
                 to_float(nearest_weights(at(p), at(corner[0]), at(corner[1]), at(corner[2])));
@@ -191,35 +194,33 @@ void add_samples(Builder& b, uint32_t level, LevelSamples& samples) {
     }
 }
 
-void start_at_full_mesh(Builder& b, const MeshData& mesh) {
-    b.simplifier.triangles = mesh.full_triangles;
-    b.simplifier.points.assign(mesh.full_triangles.size() / 3, none);
-    b.two_sided = mesh.full_two_sided;
-}
-
 void build_levels(Builder& b, const LevelOptions& options, MeshData& mesh) {
-    start_at_full_mesh(b, mesh);
-    for (const uint32_t w : mesh.full_triangles)
-        b.level_of[w] = 0;
+    b.simplifier.triangles = mesh.full_triangles;
+    b.two_sided = mesh.full_two_sided;
+    const uint32_t full = static_cast<uint32_t>(b.two_sided.size());
+    b.coarse_target = uint64_t(full) * 2 < uint64_t(options.coarse_triangles) * 5
+                          ? std::max(full / 10, std::min(full, 64u))
+                          : options.coarse_triangles;
     mesh.samples.begin.assign(2, 0);
     for (uint8_t level = 0; !b.two_sided.empty(); ++level) {
         add_clusters(b, options, level, mesh.clusters);
         const uint32_t count = static_cast<uint32_t>(b.two_sided.size());
+        if (level == 0 || count >= coarse_start * b.coarse_target) {
+            b.coarse_triangles = b.simplifier.triangles;
+            b.coarse_two_sided = b.two_sided;
+        }
         const uint32_t target = static_cast<uint32_t>(float(count) * options.level_ratio);
-        if (level + 1 == max_levels || target < options.least_triangles || !coarsen(b, target)) break;
-        add_samples(b, level + 1u, mesh.samples);
+        if (level + 1 == max_levels || target < options.least_triangles || !coarsen(b, target, true)) break;
+        add_samples(b, mesh.samples);
         mesh.samples.begin.push_back(static_cast<uint32_t>(mesh.samples.vertex.size()));
     }
 }
 
 // One mesh of a few hundred triangles, for the quality `paper`.
 void build_coarse(Builder& b, const LevelOptions& options, MeshData& mesh) {
-    const uint32_t full = static_cast<uint32_t>(mesh.full_triangles.size() / 3);
-    if (full == 0) return;
-    start_at_full_mesh(b, mesh);
-    coarsen(b, uint64_t(full) * 2 < uint64_t(options.coarse_triangles) * 5
-                   ? std::max(full / 10, std::min(full, 64u))
-                   : options.coarse_triangles);
+    b.simplifier.triangles = b.coarse_triangles;
+    b.two_sided = b.coarse_two_sided;
+    coarsen(b, b.coarse_target, false);
     add_clusters(b, options, 0, mesh.coarse_clusters);
 }
 

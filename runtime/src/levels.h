@@ -8,7 +8,7 @@ namespace nusselt {
 
 struct LevelOptions {
     uint32_t cluster_triangles = 32; // at most, and at most 64 vertices and 128 edges
-    float level_ratio = 0.3f;       // triangles of a level over those of the one before it
+    float level_ratio = 0.3f;        // triangles of a level over those of the one before it
     uint32_t least_triangles = 16;   // no level has fewer
     uint32_t coarse_triangles = 400; // target of the quality `paper`
 };

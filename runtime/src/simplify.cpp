@@ -128,26 +128,44 @@ double collapse_cost(const Simplifier& s, uint32_t v, uint32_t u) {
     // of a cow and an armadillo have 5 to 10 % less error than with either.
     const double roots = a.root + b.root;
     const double share = roots > 0 ? 1 / roots : 0;
-    return (evaluate(a, p) + evaluate(b, p)) * share + length_weight * a.root * dot(d, d);
+    return (evaluate(a, p) + s.own_cost[u]) * share + length_weight * a.root * dot(d, d);
 }
 
 bool may_follow(const Simplifier& s, uint32_t v, const Simplifier::Neighbour& n) {
     return !s.border[v] || n.uses == 1;
 }
 
-void push_best(Simplifier& s, uint32_t v) {
+void enqueue(Simplifier& s, uint32_t v, double cost) {
+    s.queued_cost[v] = cost;
+    s.heap.push_back({cost, v});
+    std::push_heap(s.heap.begin(), s.heap.end(), later);
+}
+
+// The cheapest neighbour of v, whether or not it may go there, into best_cost (-1: none) and best_vertex.
+void find_best(Simplifier& s, uint32_t v) {
     gather_fan(s, v);
     gather_ring(s);
-    double best = -1;
+    s.best_cost[v] = -1;
     for (const Simplifier::Neighbour& n : s.ring) {
         if (!may_follow(s, v, n)) continue;
         const double cost = collapse_cost(s, v, n.vertex);
-        if (best < 0 || cost < best) best = cost;
+        if (s.best_cost[v] < 0 || cost < s.best_cost[v]) s.best_cost[v] = cost, s.best_vertex[v] = n.vertex;
     }
-    ++s.version[v];
-    if (best < 0) return;
-    s.heap.push_back({best, v, s.version[v]});
-    std::push_heap(s.heap.begin(), s.heap.end(), later);
+}
+
+// Looks at w again after its neighbour v moved onto u. Only the costs to v and u are new, and the best one if
+// that neighbour has grown since; other costs may be out of date until w's turn comes, which is cheaper than
+// to keep them and no worse.
+void update_best(Simplifier& s, uint32_t w, uint32_t v, uint32_t u) {
+    const uint32_t best = s.best_vertex[w];
+    if (w == u || best == v || best == u || s.border[w] || s.best_cost[w] < 0 ||
+        collapse_cost(s, w, best) != s.best_cost[w]) {
+        find_best(s, w);
+    } else {
+        const double cost = collapse_cost(s, w, u);
+        if (cost < s.best_cost[w]) s.best_cost[w] = cost, s.best_vertex[w] = u;
+    }
+    if (s.best_cost[w] >= 0 && s.best_cost[w] != s.queued_cost[w]) enqueue(s, w, s.best_cost[w]);
 }
 
 // Whether v may move to ring[candidate] without folding, pinching or turning a triangle. Expects fan and ring
@@ -263,8 +281,8 @@ uint32_t collapse(Simplifier& s, uint32_t v, uint32_t u, bool measure) {
     }
     add(s.quadrics[u], s.quadrics[v]);
     s.quadrics[u].root = std::sqrt(s.quadrics[u].weight);
+    s.own_cost[u] = evaluate(s.quadrics[u], at(s, u));
     s.head[v] = none;
-    ++s.version[v];
     return gone;
 }
 
@@ -307,7 +325,10 @@ void prepare(Simplifier& s, const Vec3f* positions) {
     }
     const uint32_t n = static_cast<uint32_t>(s.vertices.size());
     s.head.assign(n, none);
-    s.version.assign(n, 0);
+    s.own_cost.resize(n);
+    s.best_cost.assign(n, -1);
+    s.best_vertex.assign(n, none);
+    s.queued_cost.assign(n, -1);
     s.mark.assign(n, 0);
     s.stamp = 0;
     s.locked.assign(n, 0);
@@ -355,6 +376,7 @@ void prepare(Simplifier& s, const Vec3f* positions) {
     }
     for (uint32_t v = 0; v < n; ++v) {
         s.quadrics[v].root = std::sqrt(s.quadrics[v].weight);
+        s.own_cost[v] = evaluate(s.quadrics[v], at(s, v));
         if (s.locked[v]) continue;
         uint32_t count = 0;
         for (uint32_t c = s.head[v]; c != none; c = s.next[c])
@@ -369,20 +391,24 @@ Simplifier::Simplifier(const Allocator& a, uint32_t welded_vertices)
     : triangles(HostAllocator<uint32_t>(a)), source(HostAllocator<uint32_t>(a)),
       points(HostAllocator<uint32_t>(a)), point_next(welded_vertices, none, HostAllocator<uint32_t>(a)),
       local_of(welded_vertices, none, HostAllocator<uint32_t>(a)), vertices(HostAllocator<uint32_t>(a)),
-      head(HostAllocator<uint32_t>(a)), version(HostAllocator<uint32_t>(a)), mark(HostAllocator<uint32_t>(a)),
-      locked(HostAllocator<uint8_t>(a)), border(HostAllocator<uint8_t>(a)),
-      quadrics(HostAllocator<Quadric>(a)), positions(HostAllocator<Vec3f>(a)),
-      corners(HostAllocator<uint32_t>(a)), next(HostAllocator<uint32_t>(a)), mate(HostAllocator<uint32_t>(a)),
-      alive(HostAllocator<uint8_t>(a)), heap(HostAllocator<HeapEntry>(a)), ring(HostAllocator<Neighbour>(a)),
-      fan(HostAllocator<uint32_t>(a)), common(HostAllocator<uint32_t>(a)), moved(HostAllocator<Moved>(a)),
-      matcher(a) {}
+      head(HostAllocator<uint32_t>(a)), best_vertex(HostAllocator<uint32_t>(a)),
+      mark(HostAllocator<uint32_t>(a)), locked(HostAllocator<uint8_t>(a)), border(HostAllocator<uint8_t>(a)),
+      own_cost(HostAllocator<double>(a)), best_cost(HostAllocator<double>(a)),
+      queued_cost(HostAllocator<double>(a)), quadrics(HostAllocator<Quadric>(a)),
+      positions(HostAllocator<Vec3f>(a)), corners(HostAllocator<uint32_t>(a)),
+      next(HostAllocator<uint32_t>(a)), mate(HostAllocator<uint32_t>(a)), alive(HostAllocator<uint8_t>(a)),
+      heap(HostAllocator<HeapEntry>(a)), ring(HostAllocator<Neighbour>(a)), fan(HostAllocator<uint32_t>(a)),
+      common(HostAllocator<uint32_t>(a)), moved(HostAllocator<Moved>(a)), matcher(a) {}
 
 float simplify(Simplifier& s, const Vec3f* positions, const SimplifyOptions& options) {
     prepare(s, positions);
+    if (options.measure) s.points.assign(s.alive.size(), none);
     uint32_t left = static_cast<uint32_t>(s.alive.size());
     s.heap.clear();
     for (uint32_t v = 0; v < s.vertices.size(); ++v) {
-        if (!s.locked[v]) push_best(s, v);
+        if (s.locked[v]) continue;
+        find_best(s, v);
+        if (s.best_cost[v] >= 0) enqueue(s, v, s.best_cost[v]);
     }
     float worst = 0;
     while (left > options.target_triangles && !s.heap.empty()) {
@@ -390,7 +416,8 @@ float simplify(Simplifier& s, const Vec3f* positions, const SimplifyOptions& opt
         std::pop_heap(s.heap.begin(), s.heap.end(), later);
         s.heap.pop_back();
         const uint32_t v = top.vertex;
-        if (top.version != s.version[v]) continue;
+        if (top.cost != s.queued_cost[v]) continue; // has been queued again since
+        s.queued_cost[v] = -1;
         gather_fan(s, v);
         const uint32_t base = gather_ring(s);
         for (Simplifier::Neighbour& n : s.ring) {
@@ -409,8 +436,7 @@ float simplify(Simplifier& s, const Vec3f* positions, const SimplifyOptions& opt
             }
             if (!best) break;
             if (best->cost > top.cost && !s.heap.empty() && best->cost > s.heap.front().cost) {
-                s.heap.push_back({best->cost, v, s.version[v]});
-                std::push_heap(s.heap.begin(), s.heap.end(), later);
+                enqueue(s, v, best->cost);
                 break;
             }
             done_cost = best->cost;
@@ -425,7 +451,7 @@ float simplify(Simplifier& s, const Vec3f* positions, const SimplifyOptions& opt
                 if (!s.locked[n.vertex]) s.common.push_back(n.vertex);
             }
             for (const uint32_t w : s.common) {
-                push_best(s, w);
+                update_best(s, w, v, u);
             }
             break;
         }

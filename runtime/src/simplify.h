@@ -21,15 +21,14 @@ struct Simplifier {
 
     // Welded triples. `source` of a result triangle is the input triangle that it was.
     Vector<uint32_t> triangles, source;
-    // Removed vertices are kept as points of the triangle that lies nearest, so that the distance is always
-    // to the full mesh: one list a triangle, head here, links in `point_next` (one entry a welded vertex;
-    // `none` ends).
+    // Out: the vertices that were removed, as points of the triangle that lies nearest: one list a triangle,
+    // head here, links in `point_next` (one entry a welded vertex; `none` ends).
     Vector<uint32_t> points;
     Vector<uint32_t> point_next;
 
     struct HeapEntry {
         double cost;
-        uint32_t vertex, version;
+        uint32_t vertex;
     };
     struct Neighbour {
         uint32_t vertex, uses; // triangles of the centre vertex that have it
@@ -42,8 +41,10 @@ struct Simplifier {
     // By welded vertex: its local number during a call.
     Vector<uint32_t> local_of;
     // By local vertex.
-    Vector<uint32_t> vertices, head, version, mark;
+    Vector<uint32_t> vertices, head, best_vertex, mark;
     Vector<uint8_t> locked, border; // locked: not manifold
+    // Of its quadric at itself; of the cheapest collapse; of the entry in `heap` that counts (-1: none).
+    Vector<double> own_cost, best_cost, queued_cost;
     Vector<Quadric> quadrics;
     Vector<Vec3f> positions;
     // By corner and triangle.
@@ -63,8 +64,8 @@ struct SimplifyOptions {
 };
 
 // Stops at the target or when nothing may collapse any more. Vertices that are not manifold stay; borders
-// collapse along themselves. A manifold mesh stays manifold. Returns the largest distance of a vertex removed
-// in this call, or of a point that moved with it, to the triangles around it (0 without `measure`).
+// collapse along themselves. A manifold mesh stays manifold. Returns a bound on the distance of the removed
+// vertices to the result (0 without `measure`).
 float simplify(Simplifier& s, const Vec3f* positions, const SimplifyOptions& options);
 
 } // namespace nusselt

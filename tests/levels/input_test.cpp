@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <new>
 #include <random>
@@ -21,7 +22,7 @@ TEST(Input, NoTriangles) {
     EXPECT_EQ(b.data.fan_begin.size(), 3u);
     EXPECT_EQ(b.data.ring_begin.size(), 3u);
     EXPECT_EQ(b.data.clusters.vertex_begin.size(), 1u);
-    EXPECT_EQ(b.data.groups.cluster_begin.size(), 1u);
+    EXPECT_EQ(level_count(b.data.samples), 1u);
 }
 
 TEST(Input, OneTriangle) {
@@ -33,7 +34,8 @@ TEST(Input, OneTriangle) {
     EXPECT_EQ(b.info.boundary_edges, 3u);
     EXPECT_EQ(b.data.clusters.two_sided[0], 1);
     EXPECT_EQ(b.data.coarse_clusters.count(), 1u);
-    EXPECT_EQ(b.data.clusters.parent_group[0], no_group);
+    EXPECT_EQ(b.info.levels, 1u);
+    EXPECT_EQ(level_count(b.data.samples), 1u);
 }
 
 TEST(Input, EverythingAtOnePointOrNowhere) {
@@ -54,6 +56,22 @@ TEST(Input, EverythingAtOnePointOrNowhere) {
     EXPECT_EQ(b.data.receivers.size(), 50u);
 }
 
+// Costs the triangles around it, and nothing else.
+TEST(Input, OneVertexNotFinite) {
+    TriangleMesh m = sphere(30, 20);
+    m.positions[40].y = std::nanf("");
+    const Built b = build(m);
+    EXPECT_EQ(b.info.degenerate_triangles, 6u);
+    EXPECT_EQ(b.info.boundary_edges, 6u);
+    EXPECT_GT(b.info.levels, 3u);
+    const uint32_t bad = b.data.weld[40];
+    EXPECT_EQ(std::count(b.data.clusters.vertices.begin(), b.data.clusters.vertices.end(), bad), 0);
+    EXPECT_EQ(std::count(b.data.samples.vertex.begin(), b.data.samples.vertex.end(), bad), 0);
+    for (const float w : b.data.samples.weight) {
+        EXPECT_TRUE(std::isfinite(w));
+    }
+}
+
 TEST(Input, CollinearTriangles) {
     TriangleMesh m;
     for (uint32_t i = 0; i < 300; ++i) {
@@ -62,8 +80,8 @@ TEST(Input, CollinearTriangles) {
     }
     const Built b = build(m);
     EXPECT_EQ(b.info.degenerate_triangles, 0u);
-    for (const float e : b.data.groups.relative_error) {
-        EXPECT_TRUE(std::isfinite(e));
+    for (const float w : b.data.samples.weight) {
+        EXPECT_TRUE(std::isfinite(w));
     }
 }
 

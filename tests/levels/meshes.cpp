@@ -1,5 +1,6 @@
 #include "meshes.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <fstream>
@@ -206,6 +207,17 @@ std::vector<Triple> cluster_triples(const Clusters& clusters, uint32_t cluster) 
     return out;
 }
 
+std::vector<Triple> level_triples(const Built& built, uint32_t level) {
+    std::vector<Triple> out;
+    const Clusters& c = built.data.clusters;
+    for (uint32_t i = 0; i < c.count(); ++i) {
+        if (c.level[i] != level) continue;
+        const std::vector<Triple> own = cluster_triples(c, i);
+        out.insert(out.end(), own.begin(), own.end());
+    }
+    return out;
+}
+
 uint32_t open_edges(const std::vector<Triple>& triangles) {
     std::map<std::pair<uint32_t, uint32_t>, std::pair<int, int>> edges; // along, against
     for (const Triple& t : triangles) {
@@ -220,17 +232,6 @@ uint32_t open_edges(const std::vector<Triple>& triangles) {
         open += use != std::pair(1, 1);
     }
     return open;
-}
-
-Bounds bounds_of(const TriangleMesh& mesh, const Built& built) {
-    Bounds b;
-    b.clusters.resize(built.data.clusters.count());
-    b.cones.resize(built.data.clusters.count());
-    b.groups.resize(built.data.groups.count());
-    b.errors.resize(built.data.groups.count());
-    refit_bounds([&](uint32_t w) { return mesh.positions[built.data.weld_source[w]]; }, built.data.clusters,
-                 built.data.groups, b.clusters.data(), b.cones.data(), b.groups.data(), b.errors.data());
-    return b;
 }
 
 } // namespace nusselt::test

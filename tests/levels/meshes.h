@@ -1,8 +1,8 @@
 // Meshes for the tests, and what they ask of a build.
 #pragma once
 
-#include "runtime/src/bounds.h"
 #include "runtime/src/levels.h"
+#include "runtime/src/vec3.h"
 
 #include <array>
 #include <string>
@@ -38,17 +38,9 @@ Built build(const TriangleMesh& mesh, const LevelOptions& options = {});
 
 using Triple = std::array<uint32_t, 3>;
 std::vector<Triple> cluster_triples(const Clusters& clusters, uint32_t cluster); // welded
+std::vector<Triple> level_triples(const Built& built, uint32_t level);           // welded
 
 // Directed edges that their opposite does not balance, plus edges used by more than two triangles.
 uint32_t open_edges(const std::vector<Triple>& triangles);
-
-// The clusters of the cut by a threshold: a group is fine enough when its error is at most threshold *
-// distance. `distance(sphere)` must not grow from a sphere to one that encloses it.
-struct Bounds {
-    std::vector<Sphere> clusters, groups;
-    std::vector<Cone> cones;
-    std::vector<float> errors;
-};
-Bounds bounds_of(const TriangleMesh& mesh, const Built& built);
 
 } // namespace nusselt::test
