@@ -36,8 +36,15 @@ inline void prepare_lane(Batch& batch, const float normal[3][lanes], uint32_t la
     x /= length;
     y /= length;
     z /= length;
-    const float across = std::sqrt(x * x + y * y);
-    const float cosine = across > 0 ? x / across : 1.0f, sine = across > 0 ? y / across : 0.0f;
+    // Scaled again: close to a pole the squares would lose their bits, and the frame its right angles.
+    const float flat = std::fabs(x) > std::fabs(y) ? std::fabs(x) : std::fabs(y);
+    float cosine = 1, sine = 0, across = 0;
+    if (flat > 0) {
+        const float u = x / flat, v = y / flat, r = std::sqrt(u * u + v * v);
+        cosine = u / r;
+        sine = v / r;
+        across = flat * r;
+    }
     batch.axis[0][0][lane] = z * cosine;
     batch.axis[0][1][lane] = z * sine;
     batch.axis[0][2][lane] = -across;

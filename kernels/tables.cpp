@@ -156,6 +156,9 @@ void build_weights(const MaskLayout& layout, int16_t* nibbles, int16_t* blocks, 
         total[i] = 0;
     }
     double block_total[25] = {};
+    // Whole rows hand the remainder of their rounding on to the next: else all lean the same way, and 4096
+    // bits would lose 0.8 % of the first term.
+    double carry[25] = {};
     for (uint32_t block = 0; block < block_count; ++block) {
         int16_t* block_row = blocks + size_t(block) * sh_columns;
         std::memset(block_row, 0, sh_columns * sizeof(int16_t));
@@ -172,8 +175,10 @@ void build_weights(const MaskLayout& layout, int16_t* nibbles, int16_t* blocks, 
                     double sum = 0;
                     for (uint32_t bit = 0; bit < 4; ++bit)
                         sum += pattern >> bit & 1 ? w[bit][i] : 0;
-                    out[i] = int16_t(std::floor(sum * to_integer[i] + 0.5));
+                    const double wanted = sum * to_integer[i] + (pattern == 15 ? carry[i] : 0);
+                    out[i] = int16_t(std::floor(wanted + 0.5));
                     if (pattern == 15) {
+                        carry[i] = wanted - out[i];
                         block_row[i] = int16_t(block_row[i] + out[i]);
                         block_sum[i] += sum;
                     }
