@@ -218,9 +218,16 @@ void build_levels(Builder& b, const LevelOptions& options, MeshData& mesh) {
 
 // One mesh of a few hundred triangles, for the quality `paper`.
 void build_coarse(Builder& b, const LevelOptions& options, MeshData& mesh) {
-    b.simplifier.triangles = b.coarse_triangles;
-    b.two_sided = b.coarse_two_sided;
-    coarsen(b, b.coarse_target, false);
+    const auto coarsen_to = [&](uint32_t target) {
+        b.simplifier.triangles = b.coarse_triangles;
+        b.two_sided = b.coarse_two_sided;
+        coarsen(b, target, false);
+        return static_cast<uint32_t>(b.two_sided.size());
+    };
+    // Where the target is out of reach, everything that could go has gone: parts are crushed to tetrahedra
+    // next to others that are stuck. Nothing measures this mesh, so it gets as many triangles again.
+    const uint32_t left = coarsen_to(b.coarse_target);
+    if (left > b.coarse_target) coarsen_to(2 * left);
     add_clusters(b, options, 0, mesh.coarse_clusters);
 }
 
