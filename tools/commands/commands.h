@@ -2,10 +2,12 @@
 #pragma once
 
 #include "tools/commands/engine.h"
+#include "tools/compare/measure.h"
 
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace nusselt::tools {
 
@@ -46,6 +48,14 @@ struct RenderOptions {
     EngineOptions engine;
 };
 void run_render(const RenderOptions& options);
+
+struct CompareOptions {
+    std::string model, scene = "all", out, clip, readme;
+    std::vector<std::string> environments;
+    MeasureOptions measure;
+    std::string command; // as typed, for the report
+};
+void run_compare(const CompareOptions& options);
 
 // Parses the command line, runs a command and returns the exit code.
 int run_program(int argc, const char* const* argv);

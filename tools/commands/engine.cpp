@@ -75,6 +75,7 @@ Engine::Engine(const scenes::Scene& scene, const EngineOptions& options, std::st
             }
         }
         ContextDesc desc;
+        desc.allocator = options.allocator;
         desc.executor = executor_;
         desc.isa = options.isa;
         check(create_context(desc, &context_));

@@ -14,6 +14,7 @@ namespace nusselt::tools {
 struct EngineOptions {
     uint32_t threads = 0; // 1: serial; 0: as many as the machine has
     Isa isa = Isa::best;
+    Allocator allocator{}; // default: the C++ heap
 };
 
 // Throw Failure (usage) with the list of what there is.

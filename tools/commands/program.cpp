@@ -47,6 +47,91 @@ Shadows parse_shadows(const std::string& name) {
     throw Failure("--shadows", "there is no '" + name + "'; choose one of off, on, traced", exit_usage);
 }
 
+struct CompareWords {
+    bool quick = false;
+    std::optional<uint32_t> frames, repeats, receivers;
+    std::string isa = "best";
+};
+
+CLI::App* add_compare(CLI::App& app, CompareOptions& compare, CompareWords& words) {
+    CLI::App* command = app.add_subcommand(
+        "compare",
+        "run time against error: every quality and Embree at many ray counts against one reference");
+    CLI::Option* model =
+        command->add_option("model", compare.model, "glTF, GLB, OBJ or PLY file")->type_name("MODEL");
+    command
+        ->add_option("--scene", compare.scene,
+                     "built-in scene instead of a model: cloth, fight, chess, hand, all")
+        ->type_name("NAME")
+        ->excludes(model)
+        ->capture_default_str();
+    command->add_option("--out", compare.out, "directory for index.html, report.json, tables.md and pictures")
+        ->type_name("DIR")
+        ->required();
+    command
+        ->add_option("--clip", compare.clip, "animation of the model by name or number; default: the first")
+        ->type_name("NAME|N");
+    command->add_flag("--quick", words.quick,
+                      "one moment, few receivers with a reference, two timed rounds, at most 1024 rays");
+    command->add_option("--frames", words.frames, "moments of the animation; default: 3")->type_name("N");
+    command->add_option("--repeats", words.repeats, "timed rounds over all entries; default: 5")
+        ->type_name("N");
+    command
+        ->add_option("--threads", compare.measure.threads,
+                     "threads of every entry; with one, each entry's time is that thread's own clock")
+        ->type_name("N")
+        ->capture_default_str();
+    command
+        ->add_option("--isa", words.isa, "instruction set of our entries: scalar, sse4, avx2, avx512, best")
+        ->type_name("NAME")
+        ->capture_default_str();
+    command->add_flag("--naive", compare.measure.naive,
+                      "adds Embree with one ray at a time, for information");
+    command
+        ->add_option("--reference-rays", compare.measure.reference_rays, "rays a receiver of the reference")
+        ->type_name("N")
+        ->capture_default_str();
+    command
+        ->add_option(
+            "--receivers", words.receivers,
+            "receivers a frame with a reference, evenly chosen; default: 20000. Times are always over all")
+        ->type_name("N");
+    command
+        ->add_option(
+            "--env", compare.environments,
+            "further environment for the radiance error, a latitude-longitude .hdr or .exr image; may be "
+            "given several times")
+        ->type_name("FILE")
+        ->allow_extra_args(false);
+    command
+        ->add_option(
+            "--readme", compare.readme,
+            "file whose tables between the lines <!-- compare:begin --> and <!-- compare:end --> are "
+            "written anew")
+        ->type_name("FILE");
+    return command;
+}
+
+void finish_compare(CompareOptions& compare, const CompareWords& words) {
+    MeasureOptions& measure = compare.measure;
+    if (words.quick) {
+        measure.frames = 1;
+        measure.repeats = 2;
+        measure.most_receivers = 400;
+        measure.most_peer_rays = 1024;
+    }
+    measure.frames = words.frames.value_or(measure.frames);
+    measure.repeats = words.repeats.value_or(measure.repeats);
+    measure.most_receivers = words.receivers.value_or(measure.most_receivers);
+    at_least_one("--frames", measure.frames, most_frames);
+    at_least_one("--repeats", measure.repeats, most_frames);
+    at_least_one("--receivers", measure.most_receivers, 1u << 27);
+    at_least_one("--threads", measure.threads, 1024);
+    at_least_one("--reference-rays", measure.reference_rays, 1u << 20);
+    measure.isa = parse_isa(words.isa);
+    if (measure.isa == Isa::best) check_isa_variable();
+}
+
 // What the options say as text, before it is understood.
 struct Words {
     std::string quality = "standard", isa = "best", shadows = "on", size = "960x720", brdf = "lambert";
@@ -178,6 +263,12 @@ void parse_and_run(int argc, const char* const* argv) {
         ->capture_default_str();
     add_engine(*render_command, render_words);
 
+    CompareOptions compare;
+    CompareWords compare_words;
+    CLI::App* compare_command = add_compare(app, compare, compare_words);
+    for (int k = 1; k < argc; ++k)
+        compare.command.append(k > 1 ? " " : "").append(argv[k]);
+
     if (argc > 1 && argv[1][0] != '-') {
         bool known = false;
         std::string list;
@@ -213,6 +304,9 @@ void parse_and_run(int argc, const char* const* argv) {
         transfer.quality = parse_quality(transfer_words.quality);
         at_least_one("--repeat", transfer.repeat, most_frames);
         run_transfer(transfer);
+    } else if (compare_command->parsed()) {
+        finish_compare(compare, compare_words);
+        run_compare(compare);
     } else {
         render.engine = parse_engine(*render_command, render_words);
         render.quality = parse_quality(render_words.quality);

@@ -121,6 +121,22 @@ struct Scratch {
     std::vector<uint8_t> blocked;
 };
 
+// The fan of incident triangles of a vertex.
+void gather_fan(const TraceScene& scene, const Assembly& all, uint32_t vertex, const glm::dvec3& normal,
+                Scratch& scratch) {
+    const uint32_t point = scene.point[vertex];
+    scratch.corners.clear();
+    for (uint32_t k = scene.incident_begin[point]; k < scene.incident_begin[point + 1]; ++k) {
+        const uint32_t* corner = &all.indices[size_t{3} * scene.incident[k]];
+        const int own = scene.point[corner[0]] == point ? 0 : scene.point[corner[1]] == point ? 1 : 2;
+        const glm::vec3 &a = all.positions[corner[(own + 1) % 3]], &b = all.positions[corner[(own + 2) % 3]];
+        if (!finite(a) || !finite(b)) continue;
+        scratch.corners.push_back(a);
+        scratch.corners.push_back(b);
+    }
+    make_fan(glm::dvec3(all.positions[vertex]), normal, scratch.corners, scratch.fan);
+}
+
 // One set of grid x grid jittered rays from one receiver; `sum` becomes their mean.
 void trace_receiver(const TraceScene& scene, const glm::dvec3& origin, const glm::dvec3& normal,
                     uint32_t point, uint32_t grid, Facing facing, Random random, Scratch& scratch,
@@ -335,17 +351,7 @@ TraceResult trace_transfer(const TraceScene& scene, const Assembly& all, const T
             if (!finite(all.positions[vertex]) || !finite(all.normals[vertex]) || !(length > 0)) continue;
             const glm::dvec3 normal = glm::dvec3(all.normals[vertex]) / length;
             const uint32_t point = scene.point[vertex];
-            scratch.corners.clear();
-            for (uint32_t k = scene.incident_begin[point]; k < scene.incident_begin[point + 1]; ++k) {
-                const uint32_t* corner = &all.indices[size_t{3} * scene.incident[k]];
-                const int own = scene.point[corner[0]] == point ? 0 : scene.point[corner[1]] == point ? 1 : 2;
-                const glm::vec3 &a = all.positions[corner[(own + 1) % 3]],
-                                &b = all.positions[corner[(own + 2) % 3]];
-                if (!finite(a) || !finite(b)) continue;
-                scratch.corners.push_back(a);
-                scratch.corners.push_back(b);
-            }
-            make_fan(position, normal, scratch.corners, scratch.fan);
+            gather_fan(scene, all, vertex, normal, scratch);
 
             const glm::dvec3 origin = position + normal * (options.lift * double{scene.diagonal});
             double total[25] = {};
@@ -377,6 +383,34 @@ TraceResult trace_transfer(const TraceScene& scene, const Assembly& all, const T
     result.cancelled = cancelled;
     result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     return result;
+}
+
+bool trace_blocked(const TraceScene& scene, const Assembly& all, uint32_t vertex,
+                   const std::vector<glm::dvec3>& directions, std::vector<uint8_t>& blocked) {
+    blocked.assign(directions.size(), 0);
+    const double length = glm::length(glm::dvec3(all.normals[vertex]));
+    if (!finite(all.positions[vertex]) || !finite(all.normals[vertex]) || !(length > 0)) return false;
+    const FlushDenormals guard;
+    Scratch scratch;
+    gather_fan(scene, all, vertex, glm::dvec3(all.normals[vertex]) / length, scratch);
+    const uint32_t point = scene.point[vertex];
+    RayContext context;
+    rtcInitIntersectContext(&context.base);
+    context.incident_begin = scene.incident.data() + scene.incident_begin[point];
+    context.incident_end = scene.incident.data() + scene.incident_begin[point + 1];
+    context.facing = Facing::both;
+    const glm::vec3& origin = all.positions[vertex];
+    for (size_t k = 0; k < directions.size(); ++k) {
+        if (hidden_by(scratch.fan, directions[k])) {
+            blocked[k] = 1;
+            continue;
+        }
+        const glm::vec3 s(directions[k]);
+        RTCRay ray{origin.x, origin.y, origin.z, 0, s.x, s.y, s.z, 0, INFINITY, ~0u, 0, 0};
+        rtcOccluded1(scene.scene.get(), &context.base, &ray);
+        blocked[k] = ray.tfar < 0;
+    }
+    return true;
 }
 
 std::vector<float> open_transfers(const std::vector<glm::vec3>& normals) {

@@ -70,6 +70,12 @@ struct TraceResult {
 // same seed gives the same result for any number of threads.
 TraceResult trace_transfer(const TraceScene& scene, const Assembly& all, const TraceOptions& options);
 
+// Which of the directions (unit, over the hemisphere of the vertex) are blocked, by the rules of
+// trace_transfer: what a mask of these samples holds when it is exact. False: position or normal isn't
+// finite, or the normal is zero.
+bool trace_blocked(const TraceScene& scene, const Assembly& all, uint32_t vertex,
+                   const std::vector<glm::dvec3>& directions, std::vector<uint8_t>& blocked);
+
 // Transfer vectors of vertices that nothing shadows, in closed form.
 std::vector<float> open_transfers(const std::vector<glm::vec3>& normals);
 

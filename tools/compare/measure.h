@@ -1,0 +1,106 @@
+// Run time against error on one scene: every quality and the peer in one process, alternating, against one
+// reference.
+#pragma once
+
+#include "bench/scenes/scene.h"
+#include "tools/compare/figures.h"
+#include "tools/image/image.h"
+#include "tools/report/progress.h"
+
+#include <nusselt/nusselt.h>
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace nusselt::tools {
+
+struct MeasureOptions {
+    uint32_t frames = 3;             // moments of the animation, evenly over it
+    uint32_t repeats = 5;            // timed rounds over all entries
+    uint32_t threads = 1;            // of every entry
+    uint32_t scaling_threads = 0;    // measured from 1 up to this many; 0: as many as the machine has
+    uint32_t reference_rays = 16384; // a receiver
+    uint32_t most_receivers = 20000; // with a reference, a frame; more are thinned out evenly
+    uint32_t most_peer_rays = 4096;
+    bool naive = false;
+    bool floors = true;
+    bool pictures = true;
+    Isa isa = Isa::best;
+};
+
+enum class Kind {
+    ours,
+    peer,  // Embree, packets
+    naive, // Embree, one ray at a time
+    floor  // exact rays through a mask's own sample points: no time
+};
+const char* kind_name(Kind kind);
+
+struct Time {
+    double min = 0, median = 0;
+};
+Time time_of(std::vector<double> values);
+
+struct Entry {
+    std::string name;
+    Kind kind = Kind::ours;
+    uint32_t samples = 0; // bits of the mask, or rays a receiver
+    // Figures.
+    ErrorFigures all, clear;
+    Distribution absolute, ambient, change;
+    std::vector<RadianceError> radiance; // of each light
+    Histogram histogram_all{}, histogram_clear{};
+    std::vector<Worst> worst;
+    // Time: a repeat is all frames once.
+    Time us;                         // processor microseconds a receiver
+    Time wall_ms;                    // a frame
+    EqualError peer_all, peer_clear; // the peer's `us.min` at this entry's mean error
+    std::optional<FrameStats> stats; // ours: of the fastest repeat, summed over frames
+    Time refit_ms;                   // peer: a frame
+};
+
+struct ScalingPoint {
+    std::string entry;
+    uint32_t threads = 0, took_part = 0;
+    Time wall_ms, us;
+    uint64_t hash = 0; // of the transfer vectors
+};
+
+struct Shot {
+    std::string name, title;
+    Picture picture;
+};
+
+struct SceneReport {
+    std::string name;
+    bool complete = false; // all repeats were made
+    uint32_t repeats = 0;
+    uint64_t vertices = 0, triangles = 0, receivers = 0;  // receivers: of one frame
+    std::vector<double> times;                            // moments in seconds
+    uint32_t reference_rays = 0, reference_receivers = 0; // a frame
+    double reference_seconds = 0;
+    uint64_t counted = 0, clear = 0, dark = 0; // receivers over all frames: see 1 %; clear; the rest
+    Distribution noise_all, noise_clear;       // relative, of the reference itself
+    double noise_change = 0;
+    std::vector<std::string> lights;
+    std::vector<Entry> entries;
+    std::vector<ScalingPoint> scaling;
+    std::vector<Shot> shots;
+    std::vector<std::string> notes;
+    // Memory, bytes.
+    uint64_t mesh_bytes = 0, context_bytes = 0, peer_bytes = 0;
+    double add_mesh_ms = 0;
+    double peer_build_ms = 0, peer_refit_ms = 0; // the refit's median
+    std::string isa;
+    uint32_t levels = 0, coarse_triangles = 0;
+};
+
+// Stops early, with what it has, when interrupted() is set; throws Failure when there is nothing to tell.
+// `show` is called with the part done.
+SceneReport measure_scene(const scenes::Scene& scene, const MeasureOptions& options,
+                          const std::vector<Light>& lights,
+                          const std::function<void(double, const char*)>& show);
+
+} // namespace nusselt::tools
