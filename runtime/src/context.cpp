@@ -101,6 +101,12 @@ Status destroy_context(Context* context) {
     return {};
 }
 
+uint32_t first_generation(const Context& context) {
+    // Fibonacci hashing of the address: contexts that live at a time have addresses of their own.
+    const uint64_t mixed = (reinterpret_cast<uintptr_t>(&context) >> 6) * 0x9E3779B97F4A7C15u;
+    return static_cast<uint32_t>(mixed >> 33) | 1; // the upper half is left to count in
+}
+
 Isa context_isa(const Context* context) {
     return context ? context->isa : Isa::scalar;
 }

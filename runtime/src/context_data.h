@@ -30,6 +30,9 @@ struct Context {
     Vector<Frame*> frames; // kept for later frames; grown on demand
 };
 
+// Where the generations of a context's handles start: another context's handles are then told apart.
+uint32_t first_generation(const Context& context);
+
 // The live mesh of that handle, or null. The guard is held.
 MeshSlot* find_mesh(Context& context, MeshId mesh);
 

@@ -1,5 +1,6 @@
 #include "batches.h"
 #include "context_data.h"
+#include "jobs/float_environment.h"
 #include "kernels/prepare.h"
 #include "refit.h"
 #include "shared_tables.h"
@@ -147,6 +148,7 @@ void connect(Frame& frame) {
 
 // The first finite position: then an exact translation of everything changes nothing.
 void choose_origin(Frame& frame) {
+    const jobs::FloatEnvironment environment; // comparing what is not a number may trap in the host's
     for (uint32_t k = 0; k < 3; ++k)
         frame.origin[k] = 0;
     for (const MeshSlice& s : frame.meshes) {
@@ -208,13 +210,16 @@ Frame& free_frame(Context& context, uint32_t& slot) {
     }
     context.frames.reserve(context.frames.size() + 1);
     Frame* frame = make<Frame>(context.allocator, context.allocator);
+    frame->generation = first_generation(context);
     context.frames.push_back(frame);
     return *frame;
 }
 
+constexpr uint32_t most_workers = 256; // each has scratch memory of its own
+
 void prepare_workers(Context& context, Frame& frame) {
     if (frame.graph) return;
-    const uint32_t workers = std::max(context.executor.concurrency, 1u);
+    const uint32_t workers = std::clamp(context.executor.concurrency, 1u, most_workers);
     const jobs::GraphLimits limits{stages, stages - 1, workers, 0};
     frame.graph_memory.resize(jobs::graph_bytes(limits));
     jobs::Graph* graph = jobs::create_graph(frame.graph_memory.data(), frame.graph_memory.size(), limits);

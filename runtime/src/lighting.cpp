@@ -1,6 +1,7 @@
 #include "nusselt/lighting.h"
 
 #include "context_data.h"
+#include "jobs/float_environment.h"
 
 #include <cmath>
 #include <cstring>
@@ -23,6 +24,7 @@ constexpr double pi = 3.14159265358979323846;
 } // namespace
 
 void sh_evaluate(float x, float y, float z, float out[25]) {
+    const jobs::FloatEnvironment environment;
     sh_basis(Single(), x, y, z, out);
 }
 
@@ -30,6 +32,7 @@ Status sh_project_latlong(const float* rgb, uint32_t width, uint32_t height, flo
     if (!rgb || !out || width == 0 || height == 0)
         return {StatusCode::invalid_argument,
                 "not projected: the image is null or empty; give width * height pixels"};
+    const jobs::FloatEnvironment environment;
     double sum[75] = {};
     uint64_t refused = 0;
     for (uint32_t row = 0; row < height; ++row) {
@@ -62,23 +65,15 @@ Status sh_project_latlong(const float* rgb, uint32_t width, uint32_t height, flo
 
 void sh_rotate(const float rotation[9], const float coefficients[25], float out[25]) {
     // R = Rz(a) Ry(b) Rz(c).
-    const double r02 = rotation[2], r12 = rotation[5], r22 = rotation[8], r20 = rotation[6],
-                 r21 = rotation[7];
+    const jobs::FloatEnvironment environment;
+    const double r02 = rotation[2], r12 = rotation[5], r22 = rotation[8];
     const double sin_b = std::sqrt(r02 * r02 + r12 * r12);
-    double cos_a = 1, sin_a = 0, cos_c = 1, sin_c = 0;
-    if (sin_b > 1e-7) {
-        cos_a = r02 / sin_b;
-        sin_a = r12 / sin_b;
-        const double length = std::sqrt(r20 * r20 + r21 * r21);
-        cos_c = -r20 / length;
-        sin_c = r21 / length;
-    } else { // about z alone, or with z turned over: one angle is free
-        const double flip = r22 < 0 ? -1 : 1;
-        const double length =
-            std::sqrt(double(rotation[4]) * rotation[4] + double(rotation[1]) * rotation[1]);
-        cos_c = flip < 0 ? rotation[4] / length : rotation[4] / length;
-        sin_c = flip < 0 ? rotation[3] / length : rotation[3] / length;
-    }
+    // Close to a turn about z alone, a means nothing and a + c everything: c comes from what Rz(-a) leaves,
+    // so that any a will do.
+    const double cos_a = sin_b > 0 ? r02 / sin_b : 1, sin_a = sin_b > 0 ? r12 / sin_b : 0;
+    const double x = cos_a * rotation[4] - sin_a * rotation[1], y = cos_a * rotation[3] - sin_a * rotation[0];
+    const double length = std::sqrt(x * x + y * y);
+    const double cos_c = length > 0 ? x / length : 1, sin_c = length > 0 ? y / length : 0;
     double c[25], turned[25];
     for (uint32_t i = 0; i < 25; ++i)
         c[i] = coefficients[i];
@@ -93,9 +88,11 @@ Status shade(const Context* context, const float light[75], TransferView transfe
     if (!context || !light || !rgb || (!transfer.data && transfer.count > 0))
         return {StatusCode::invalid_argument, "not shaded: context, light, transfer or rgb is null"};
     if (transfer.stride < 100 || transfer.stride % 4 != 0 ||
-        (albedo.data && (albedo.count != transfer.count || albedo.stride < 12)))
-        return {StatusCode::invalid_argument, "not shaded: a stride is too small, or albedo and transfer "
-                                              "differ in count; strides are in bytes"};
+        (albedo.data && (albedo.count != transfer.count || albedo.stride < 12 || albedo.stride % 4 != 0)))
+        return {StatusCode::invalid_argument,
+                "not shaded: a stride is too small or no multiple of 4, or albedo and transfer "
+                "differ in count; strides are in bytes"};
+    const jobs::FloatEnvironment environment;
     context->kernels->shade(light, transfer.data, transfer.stride, transfer.count, rgb);
     for (size_t i = 0; albedo.data && i < transfer.count; ++i) {
         const float* a =

@@ -78,7 +78,10 @@ Status add_mesh(Context* context, const MeshDesc& desc, MeshId* out) {
         uint32_t slot = 0;
         while (slot < context->meshes.size() && context->meshes[slot].data)
             ++slot;
-        if (slot == context->meshes.size()) context->meshes.emplace_back();
+        if (slot == context->meshes.size()) {
+            context->meshes.emplace_back();
+            context->meshes[slot].generation = first_generation(*context);
+        }
         context->meshes[slot].data = data;
         context->meshes[slot].info = info;
         *out = {slot, context->meshes[slot].generation};
