@@ -160,7 +160,8 @@ bool in_band(const ClusterView& cluster, const Vec corner[3]) {
         low = square < low ? square : low;
         high = square > high ? square : high;
     }
-    return low < cluster.farthest * cluster.farthest && high >= cluster.nearest * cluster.nearest;
+    const float inner = cluster.two_sided ? low : high;
+    return low < cluster.farthest * cluster.farthest && inner >= cluster.nearest * cluster.nearest;
 }
 
 void cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* points,

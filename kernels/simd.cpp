@@ -358,7 +358,10 @@ void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float
             const uint8_t* triangle = cluster.triangles + 8 * t;
             const uint64_t any =
                 scratch.reach[triangle[0]] | scratch.reach[triangle[1]] | scratch.reach[triangle[2]];
-            const uint32_t reaches = static_cast<uint32_t>(any & any >> 16 & any >> 32 & any >> 48);
+            const uint64_t far = cluster.two_sided ? scratch.reach[triangle[0]] & scratch.reach[triangle[1]] &
+                                                         scratch.reach[triangle[2]]
+                                                   : any;
+            const uint32_t reaches = static_cast<uint32_t>(any & any >> 16 & any >> 32 & far >> 48);
             front[t] &= reaches;
             back[t] &= reaches;
             if (!(front[t] | back[t])) continue;

@@ -116,6 +116,44 @@ void shadow_rings(const Frame& frame, const MeshSlice& slice, const uint32_t* re
     }
 }
 
+// Marks the coarse vertices next to each receiver, or takes the marks away.
+void mark_vicinity(const MeshSlice& slice, const uint32_t* receivers, const Batch& batch, bool set,
+                   Worker& worker) {
+    const MeshData& mesh = *slice.mesh;
+    const auto mark = [&](uint32_t w, uint32_t lane) {
+        uint16_t& bits = worker.near[slice.first_point + mesh.anchor[w]];
+        bits = set ? static_cast<uint16_t>(bits | 1u << lane) : uint16_t(0);
+    };
+    for (uint32_t lane = 0; lane < lanes; ++lane) {
+        if (!(batch.valid >> lane & 1)) continue;
+        const uint32_t w = mesh.weld[receivers[lane]];
+        mark(w, lane);
+        for (uint32_t k = 2 * mesh.fan_begin[w]; k < 2 * mesh.fan_begin[w + 1]; ++k)
+            mark(mesh.fan[k], lane);
+    }
+}
+
+// A sheet's coarse triangles (quality `paper`). They block from both sides, so those of the receiver's own
+// surroundings would hide all that lies behind them: there the full mesh stands for them ("for the remaining
+// parts of the model we use a coarser mesh", section 3.2).
+void shadow_sheet(const Frame& frame, uint32_t cluster, const Batch& batch, Worker& worker, JobList& jobs) {
+    const MeshSlice& blocker = frame.meshes[frame.cluster_mesh[cluster]];
+    const ClusterView& view = frame.views[cluster];
+    const float* points = frame.points.data() + 4 * size_t(blocker.first_point);
+    for (uint32_t t = 0; t < view.triangle_count; ++t) {
+        alignas(64) float corners[3][3][lanes];
+        uint32_t near = 0;
+        for (uint32_t corner = 0; corner < 3; ++corner) {
+            const uint32_t w = view.vertices[view.triangles[8 * t + corner]];
+            near |= worker.near[blocker.first_point + w];
+            for (uint32_t k = 0; k < 3; ++k)
+                std::fill_n(corners[corner][k], lanes, points[4 * size_t(w) + k]);
+        }
+        frame.kernels->triangle_jobs(batch, corners, batch.valid & ~near, 0xFFFF, frame.tables->layout,
+                                     frame.tables->horizon, jobs, worker.tally.counters);
+    }
+}
+
 float* transfer_of(const TransferView& view, size_t index) {
     return reinterpret_cast<float*>(reinterpret_cast<char*>(view.data) + index * view.stride);
 }
@@ -156,16 +194,22 @@ void shadow_batch(const Frame& frame, const MeshSlice& slice, const uint32_t* re
     } else {
         shadow_fans(frame, slice, receivers, batch, worker, jobs);
     }
+    if (frame.quality.paper) mark_vicinity(slice, receivers, batch, true, worker);
     for (uint32_t i = 0; i < selected; ++i) {
         const uint32_t c = worker.selected[i];
         const MeshSlice& blocker = frame.meshes[frame.cluster_mesh[c]];
-        k.cluster_jobs(batch, frame.views[c], frame.points.data() + 4 * size_t(blocker.first_point),
-                       tables.layout, tables.horizon, worker.scratch[0], jobs, counters);
+        if (frame.quality.paper && frame.views[c].two_sided) {
+            shadow_sheet(frame, c, batch, worker, jobs);
+        } else {
+            k.cluster_jobs(batch, frame.views[c], frame.points.data() + 4 * size_t(blocker.first_point),
+                           tables.layout, tables.horizon, worker.scratch[0], jobs, counters);
+        }
         if (jobs.count < job_flush && i + 1 < selected) continue;
         clock.lap(transform_stage);
         k.run_jobs(tables, jobs, worker.masks.data());
         clock.lap(raster_stage);
     }
+    if (frame.quality.paper) mark_vicinity(slice, receivers, batch, false, worker);
     k.run_jobs(tables, jobs, worker.masks.data());
     clock.lap(raster_stage);
     k.integrate(tables, worker.masks.data(), batch.valid, frame.quality.paper, worker.local, counters);

@@ -96,6 +96,7 @@ void grow(Frame& frame) {
     frame.radius.resize(frame.cluster_count);
     frame.cone_cos.resize(frame.cluster_count);
     frame.cone_sin.resize(frame.cluster_count);
+    frame.triangle_radius.resize(frame.cluster_count);
     frame.nearest.resize(frame.cluster_count);
     frame.farthest.resize(frame.cluster_count);
     frame.sample_error.resize(frame.sample_chunks);
@@ -108,6 +109,7 @@ void grow(Frame& frame) {
         w.scratch.resize(1);
         w.masks.resize(size_t(kernels::lanes) * kernels::mask_bytes(frame.quality.layout));
         w.jobs.resize(4 * job_capacity);
+        if (frame.quality.paper) w.near.resize(frame.point_count, 0);
         w.candidates.resize(frame.cluster_count + 16);
         w.selected.resize(frame.cluster_count + 16);
     }

@@ -59,12 +59,13 @@ enum Stage : uint32_t {
 struct Worker {
     explicit Worker(const Allocator& a)
         : scratch(HostAllocator<kernels::ClusterScratch>(a)), masks(HostAllocator<uint8_t>(a)),
-          jobs(HostAllocator<uint32_t>(a)), candidates(HostAllocator<uint32_t>(a)),
-          selected(HostAllocator<uint32_t>(a)) {}
+          jobs(HostAllocator<uint32_t>(a)), near(HostAllocator<uint16_t>(a)),
+          candidates(HostAllocator<uint32_t>(a)), selected(HostAllocator<uint32_t>(a)) {}
 
     Vector<kernels::ClusterScratch> scratch; // one
     Vector<uint8_t> masks;                   // of a batch
     Vector<uint32_t> jobs;                   // the job list's four arrays
+    Vector<uint16_t> near; // by welded vertex, one bit a lane (quality `paper`); zero between batches
     Vector<uint32_t> candidates, selected;
     kernels::Batch batches[region_batches] = {};
     alignas(64) float normal[3][kernels::lanes] = {};
@@ -78,8 +79,8 @@ struct Frame {
         : meshes(HostAllocator<MeshSlice>(a)), extents(HostAllocator<float>(a)),
           sample_error(HostAllocator<float>(a)), points(a),
           triangle_bounds(a), centre{FloatArray(a), FloatArray(a), FloatArray(a)},
-          radius(a), cone{FloatArray(a), FloatArray(a), FloatArray(a)}, cone_cos(a), cone_sin(a), nearest(a),
-          farthest(a), views(HostAllocator<kernels::ClusterView>(a)),
+          radius(a), cone{FloatArray(a), FloatArray(a), FloatArray(a)}, cone_cos(a), cone_sin(a),
+          triangle_radius(a), nearest(a), farthest(a), views(HostAllocator<kernels::ClusterView>(a)),
           cluster_mesh(HostAllocator<uint32_t>(a)), cluster_bounds_begin(HostAllocator<uint32_t>(a)),
           graph_memory(HostAllocator<uint8_t>(a)), workers(HostAllocator<Worker>(a)) {}
 
@@ -100,6 +101,7 @@ struct Frame {
     FloatArray points;          // 4 a welded vertex
     FloatArray triangle_bounds; // of each cluster in turn, see kernels::ClusterView
     FloatArray centre[3], radius, cone[3], cone_cos, cone_sin;
+    FloatArray triangle_radius;   // largest sphere around one of the cluster's triangles
     FloatArray nearest, farthest; // band of distances of the cluster's level
     Vector<kernels::ClusterView> views;
     Vector<uint32_t> cluster_mesh, cluster_bounds_begin;

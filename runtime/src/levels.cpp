@@ -1,6 +1,7 @@
 #include "levels.h"
 
 #include "clusters.h"
+#include "covers.h"
 #include "receivers.h"
 #include "simplify.h"
 #include "topology.h"
@@ -231,6 +232,30 @@ void build_coarse(Builder& b, const LevelOptions& options, MeshData& mesh) {
     add_clusters(b, options, 0, mesh.coarse_clusters);
 }
 
+// Breadth first over the full mesh's edges, from the coarse mesh's vertices. What no edge leads to is its own
+// anchor.
+void build_anchors(MeshData& mesh) {
+    const uint32_t welded = static_cast<uint32_t>(mesh.weld_source.size());
+    mesh.anchor.assign(welded, none);
+    Vector<uint32_t> queue(mesh.anchor.get_allocator());
+    for (const uint32_t w : mesh.coarse_clusters.vertices) {
+        if (mesh.anchor[w] != none) continue;
+        mesh.anchor[w] = w;
+        queue.push_back(w);
+    }
+    for (size_t i = 0; i < queue.size(); ++i) {
+        const uint32_t w = queue[i];
+        for (uint32_t k = 2 * mesh.fan_begin[w]; k < 2 * mesh.fan_begin[w + 1]; ++k) {
+            const uint32_t next = mesh.fan[k];
+            if (mesh.anchor[next] != none) continue;
+            mesh.anchor[next] = mesh.anchor[w];
+            queue.push_back(next);
+        }
+    }
+    for (uint32_t w = 0; w < welded; ++w)
+        mesh.anchor[w] = mesh.anchor[w] == none ? w : mesh.anchor[w];
+}
+
 } // namespace
 
 void build_mesh(const MeshDesc& desc, const LevelOptions& options, const Allocator& allocator, MeshData& mesh,
@@ -272,7 +297,9 @@ void build_mesh(const MeshDesc& desc, const LevelOptions& options, const Allocat
     begin_clusters(mesh.clusters);
     begin_clusters(mesh.coarse_clusters);
     build_levels(builder, options, mesh);
+    build_covers(allocator, mesh);
     build_coarse(builder, options, mesh);
+    build_anchors(mesh);
 
     info.clusters = mesh.clusters.count();
     info.levels = 1;

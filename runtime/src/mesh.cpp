@@ -41,16 +41,16 @@ size_t bytes_of(const Vector<T>& v) {
 size_t bytes_of(const Clusters& c) {
     return bytes_of(c.vertex_begin) + bytes_of(c.edge_begin) + bytes_of(c.triangle_begin) +
            bytes_of(c.two_sided) + bytes_of(c.level) + bytes_of(c.vertices) + bytes_of(c.edges) +
-           bytes_of(c.triangles);
+           bytes_of(c.triangles) + bytes_of(c.cover_begin) + bytes_of(c.covers);
 }
 
 size_t bytes_of(const MeshData& m) {
     return sizeof(m) + bytes_of(m.weld) + bytes_of(m.weld_source) + bytes_of(m.fan_begin) + bytes_of(m.fan) +
            bytes_of(m.receivers) + bytes_of(m.duplicates) + bytes_of(m.duplicate_of) +
            bytes_of(m.full_triangles) + bytes_of(m.ring_begin) + bytes_of(m.ring) +
-           bytes_of(m.full_two_sided) + bytes_of(m.clusters) + bytes_of(m.samples.begin) +
-           bytes_of(m.samples.vertex) + bytes_of(m.samples.corner) + bytes_of(m.samples.weight) +
-           bytes_of(m.coarse_clusters);
+           bytes_of(m.full_two_sided) + bytes_of(m.anchor) + bytes_of(m.clusters) +
+           bytes_of(m.samples.begin) + bytes_of(m.samples.vertex) + bytes_of(m.samples.corner) +
+           bytes_of(m.samples.weight) + bytes_of(m.coarse_clusters);
 }
 
 const Status no_context{StatusCode::invalid_argument,

@@ -33,7 +33,8 @@ struct Clusters {
         : vertex_begin(HostAllocator<uint32_t>(a)), edge_begin(HostAllocator<uint32_t>(a)),
           triangle_begin(HostAllocator<uint32_t>(a)), two_sided(HostAllocator<uint8_t>(a)),
           level(HostAllocator<uint8_t>(a)), vertices(HostAllocator<uint32_t>(a)),
-          edges(HostAllocator<ClusterEdge>(a)), triangles(HostAllocator<ClusterTriangle>(a)) {}
+          edges(HostAllocator<ClusterEdge>(a)), triangles(HostAllocator<ClusterTriangle>(a)),
+          cover_begin(HostAllocator<uint32_t>(a)), covers(HostAllocator<uint32_t>(a)) {}
 
     // One entry a cluster, plus one end entry for the three begins. Finer levels first.
     Vector<uint32_t> vertex_begin, edge_begin, triangle_begin;
@@ -43,6 +44,10 @@ struct Clusters {
     Vector<uint32_t> vertices; // welded vertex numbers; unique within a cluster
     Vector<ClusterEdge> edges; // unique within a cluster
     Vector<ClusterTriangle> triangles;
+
+    // The clusters of the next level that stand for cluster c's surface: covers[cover_begin[c]] and on; none
+    // at the coarsest level. Not for coarse_clusters.
+    Vector<uint32_t> cover_begin, covers;
 
     uint32_t count() const { return static_cast<uint32_t>(level.size()); }
 };
@@ -71,7 +76,8 @@ struct MeshData {
           receivers(HostAllocator<uint32_t>(a)), duplicates(HostAllocator<uint32_t>(a)),
           duplicate_of(HostAllocator<uint32_t>(a)), full_triangles(HostAllocator<uint32_t>(a)),
           ring_begin(HostAllocator<uint32_t>(a)), ring(HostAllocator<uint32_t>(a)),
-          full_two_sided(HostAllocator<uint8_t>(a)), clusters(a), coarse_clusters(a), samples(a) {}
+          full_two_sided(HostAllocator<uint8_t>(a)), anchor(HostAllocator<uint32_t>(a)), clusters(a),
+          coarse_clusters(a), samples(a) {}
 
     uint32_t vertex_count = 0; // the caller's, V
     Vector<uint32_t> weld;     // V: welded vertex of each vertex
@@ -92,6 +98,7 @@ struct MeshData {
     // / 3; and one coarse mesh of a few hundred triangles as clusters of their own (coarse_clusters).
     Vector<uint32_t> full_triangles, ring_begin, ring;
     Vector<uint8_t> full_two_sided; // one a full triangle
+    Vector<uint32_t> anchor; // of each welded vertex, along the surface: a nearest vertex of the coarse mesh
 
     Clusters clusters; // all levels
     Clusters coarse_clusters;

@@ -14,6 +14,9 @@ const float* element(const Vec3View& view, size_t index) {
     return reinterpret_cast<const float*>(reinterpret_cast<const char*>(view.data) + index * view.stride);
 }
 
+// In radii of a triangle: farther than that from all of its corners, a receiver doesn't lie over or under it.
+constexpr float clear_of_own = 1.5f;
+
 struct PointRange {
     const MeshSlice& slice;
     uint32_t begin, end; // welded vertices of the mesh
@@ -206,6 +209,9 @@ void refit_clusters(void* context, uint32_t begin, uint32_t end, uint32_t slot) 
             frame.cone[k].data()[c] = axis[k];
         }
         frame.radius.data()[c] = view.radius = radius;
+        const float* triangle_radius = bounds + 7 * kernels::triangle_slots(view.triangle_count);
+        frame.triangle_radius.data()[c] =
+            std::max(*std::max_element(triangle_radius, triangle_radius + view.triangle_count), 0.0f);
         frame.cone_cos.data()[c] = cosine;
         frame.cone_sin.data()[c] = std::sqrt(std::max(1 - cosine * cosine, 0.0f));
     }
@@ -254,10 +260,30 @@ void choose_bands(void* context, uint32_t begin, uint32_t end, uint32_t) {
         }
         from[levels] = FLT_MAX;
         const Clusters& clusters = *slice.clusters;
+        const auto radius = [&](uint32_t i) { return frame.triangle_radius.data()[slice.first_cluster + i]; };
         for (uint32_t i = 0; i < clusters.count(); ++i) {
             const uint32_t level = clusters.level[i], c = slice.first_cluster + i;
-            frame.nearest.data()[c] = frame.views[c].nearest = from[level];
-            frame.farthest.data()[c] = frame.views[c].farthest = from[level + 1];
+            float nearest = from[level];
+            // From both sides a coarse triangle of the receiver's own sheet, a hair above it, would hide
+            // everything: none is taken that could lie over the receiver.
+            if (level > 0 && clusters.two_sided[i]) nearest = std::max(nearest, clear_of_own * radius(i));
+            frame.nearest.data()[c] = nearest;
+        }
+        for (uint32_t i = 0; i < clusters.count(); ++i) {
+            const uint32_t level = clusters.level[i], c = slice.first_cluster + i;
+            float farthest = from[level + 1];
+            // Up to where each triangle over this cluster surely is taken: as far as its nearest corner, and
+            // across it.
+            for (uint32_t k = clusters.two_sided[i] && level + 1 < levels ? clusters.cover_begin[i] : 0,
+                          end = clusters.two_sided[i] && level + 1 < levels ? clusters.cover_begin[i + 1] : 0;
+                 k < end; ++k) {
+                const uint32_t over = clusters.covers[k];
+                const float taken = frame.nearest.data()[slice.first_cluster + over] + 2 * radius(over);
+                farthest = std::max(farthest, taken + radius(i));
+            }
+            frame.farthest.data()[c] = farthest;
+            frame.views[c].nearest = frame.nearest.data()[c];
+            frame.views[c].farthest = farthest;
         }
     }
 }
