@@ -1,0 +1,399 @@
+// Every kernel on every instruction set, on the inputs of a real frame, verified against the scalar reference
+// before it is timed. Names: kernel/variant/instruction set.
+#include "bench/machine.h"
+#include "bench/recording.h"
+#include "nusselt/version.h"
+
+#include <benchmark/benchmark.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <functional>
+#include <string>
+
+namespace nusselt::bench {
+namespace {
+
+using namespace kernels;
+using benchmark::State;
+
+constexpr float horizon_of_all = -1; // culls nothing by elevation
+
+void share(State& state, const char* name, double amount, double peak) {
+    // A rate over a peak: benchmark divides by the time.
+    state.counters[name] = benchmark::Counter(amount / peak, benchmark::Counter::kIsRate);
+}
+
+// Bytes and elements of one pass over all inputs.
+struct Pass {
+    double bytes = 0, items = 0, flops = 0;
+    size_t working_set = 0; // of the table that is looked up; 0: none
+};
+
+void report(State& state, const Pass& pass) {
+    const auto passes = static_cast<double>(state.iterations());
+    state.SetItemsProcessed(static_cast<int64_t>(passes * pass.items));
+    if (pass.bytes > 0) state.SetBytesProcessed(static_cast<int64_t>(passes * pass.bytes));
+    if (pass.working_set > 0) {
+        share(state, "of_load_peak", passes * pass.bytes, load_peak(pass.working_set));
+        share(state, "of_gather_peak", passes * pass.bytes, gather_peak(pass.working_set));
+    }
+    if (pass.flops > 0) {
+        state.counters["flops"] = benchmark::Counter(passes * pass.flops, benchmark::Counter::kIsRate);
+        share(state, "of_flop_peak", passes * pass.flops, flop_peak());
+    }
+}
+
+template<class T>
+bool same(const T* a, const T* b, size_t count) {
+    return std::memcmp(a, b, count * sizeof(T)) == 0;
+}
+
+const char* wrong = "differs from the scalar reference";
+
+void prepare(State& state, const Kernels& k, Recording& r) {
+    Aligned<Batch> ours = r.unprepared, theirs = r.unprepared;
+    for (size_t b = 0; b < ours.size(); ++b) {
+        k.prepare_batch(ours[b], r.normals[b].values);
+        kernels_for(Set::scalar)->prepare_batch(theirs[b], r.normals[b].values);
+        if (!same(&ours[b].axis, &theirs[b].axis, 1) || !same(&ours[b].bounds, &theirs[b].bounds, 1))
+            return state.SkipWithError(wrong);
+    }
+    for (auto _ : state) {
+        for (size_t b = 0; b < ours.size(); ++b) {
+            ours[b].valid = 0xFFFF;
+            k.prepare_batch(ours[b], r.normals[b].values);
+        }
+        benchmark::ClobberMemory();
+    }
+    report(state, {.items = double(ours.size()) * lanes});
+}
+
+void select(State& state, const Kernels& k, Recording& r) {
+    const uint32_t clusters = r.frame->cluster_count;
+    std::vector<uint32_t> ours(clusters + 16), theirs(clusters + 16);
+    uint64_t tested = 0;
+    const auto run = [&](const Kernels& kernels, size_t b, std::vector<uint32_t>& out) {
+        return kernels.select_clusters(r.batches[b].bounds, r.frame->cluster_bounds, nullptr, clusters,
+                                       r.tables->horizon, out.data(), &tested);
+    };
+    for (size_t b = 0; b < r.batches.size(); ++b) {
+        const uint32_t count = run(k, b, ours);
+        if (count != run(*kernels_for(Set::scalar), b, theirs) || !same(ours.data(), theirs.data(), count))
+            return state.SkipWithError(wrong);
+    }
+    for (auto _ : state) {
+        for (size_t b = 0; b < r.batches.size(); ++b)
+            benchmark::DoNotOptimize(run(k, b, ours));
+    }
+    report(state, {.items = double(r.batches.size()) * clusters});
+}
+
+// Jobs in the order of their numbers: instruction sets may make them in different orders.
+std::vector<std::array<uint32_t, 4>> sorted(const JobList& list) {
+    std::vector<std::array<uint32_t, 4>> jobs;
+    for (uint32_t j = 0; j < list.count; ++j)
+        jobs.push_back({list.destination[j], list.plane[0][j], list.plane[1][j], list.plane[2][j]});
+    std::sort(jobs.begin(), jobs.end());
+    return jobs;
+}
+
+// `make` appends to a list; compares the jobs of both tables for every input.
+bool same_jobs(const Kernels& k, size_t inputs,
+               const std::function<void(const Kernels&, size_t, JobList&)>& make) {
+    Jobs ours, theirs;
+    ours.reserve(jobs_per_cluster + 64);
+    theirs.reserve(jobs_per_cluster + 64);
+    for (size_t i = 0; i < inputs; ++i) {
+        JobList a = ours.list(), b = theirs.list();
+        make(k, i, a);
+        make(*kernels_for(Set::scalar), i, b);
+        if (sorted(a) != sorted(b)) return false;
+    }
+    return true;
+}
+
+void time_jobs(State& state, const Kernels& k, size_t inputs, double items,
+               const std::function<void(const Kernels&, size_t, JobList&)>& make) {
+    if (!same_jobs(k, inputs, make)) return state.SkipWithError(wrong);
+    Jobs out;
+    out.reserve(jobs_per_cluster + 64);
+    double made = 0;
+    for (size_t i = 0; i < inputs; ++i) {
+        JobList list = out.list();
+        make(k, i, list);
+        made += list.count;
+    }
+    for (auto _ : state) {
+        for (size_t i = 0; i < inputs; ++i) {
+            JobList list = out.list();
+            make(k, i, list);
+            benchmark::DoNotOptimize(list.count);
+        }
+        benchmark::ClobberMemory();
+    }
+    report(state, {.items = items});
+    state.counters["jobs_per_item"] = made / items;
+}
+
+void clusters(State& state, const Kernels& k, Recording& r) {
+    const float* points = r.frame->points.data() + 4 * size_t(r.frame->meshes[0].first_point);
+    const auto scratch = std::make_unique<ClusterScratch>();
+    Counters counters{};
+    double triangles = 0;
+    for (const Pair& pair : r.pairs)
+        triangles += double(r.frame->views[pair.cluster].triangle_count) * lanes;
+    time_jobs(state, k, r.pairs.size(), triangles, [&](const Kernels& kernels, size_t i, JobList& list) {
+        kernels.cluster_jobs(r.batches[r.pairs[i].batch], r.frame->views[r.pairs[i].cluster], points,
+                             r.tables->layout, r.tables->horizon, *scratch, list, counters);
+    });
+}
+
+void triangles(State& state, const Kernels& k, Recording& r) {
+    Counters counters{};
+    double items = 0;
+    for (const TriangleCorners& t : r.triangles)
+        items += __builtin_popcount(t.active);
+    time_jobs(state, k, r.triangles.size(), items, [&](const Kernels& kernels, size_t i, JobList& list) {
+        const TriangleCorners& t = r.triangles[i];
+        kernels.triangle_jobs(r.batches[t.batch], t.values, t.active, t.two_sided, r.tables->layout,
+                              horizon_of_all, list, counters);
+    });
+}
+
+void fans(State& state, const Kernels& k, Recording& r) {
+    Counters counters{};
+    double items = 0;
+    for (const FanCorners& fan : r.fans)
+        items += __builtin_popcount(fan.active);
+    time_jobs(state, k, r.fans.size(), items, [&](const Kernels& kernels, size_t i, JobList& list) {
+        const FanCorners& fan = r.fans[i];
+        kernels.fan_jobs(r.batches[fan.batch], fan.values, fan.active, r.tables->layout, list, counters);
+    });
+}
+
+void run_lists(State& state, const Kernels& k, const Tables& tables, std::vector<Jobs>& jobs) {
+    const uint32_t half = mask_bytes(tables.layout) / 2;
+    Aligned<uint8_t> ours(size_t{lanes} * mask_bytes(tables.layout)), theirs = ours;
+    double count = 0;
+    for (Jobs& list : jobs) {
+        JobList a = list.list(), b = list.list();
+        k.run_jobs(tables, a, ours.data());
+        kernels_for(Set::scalar)->run_jobs(tables, b, theirs.data());
+        if (!same(ours.data(), theirs.data(), ours.size())) return state.SkipWithError(wrong);
+        count += list.count;
+    }
+    for (auto _ : state) {
+        for (Jobs& list : jobs) {
+            JobList replay = list.list();
+            k.run_jobs(tables, replay, ours.data());
+        }
+        benchmark::ClobberMemory();
+    }
+    // Three entries and the mask are read.
+    report(state,
+           {.bytes = count * 4 * half, .items = count, .working_set = plane_table_bytes(tables.layout)});
+}
+
+// Planes all over the table, so that its size is the working set: 32 KB is in the first-level cache, 512 KB
+// in the second, 2 and 8 MB in the third on most machines.
+void run_random(State& state, const Kernels& k, uint32_t cells) {
+    const MaskLayout layout{SampleMap::concentric, PlaneMap::octahedral, 32, cells};
+    Aligned<uint8_t> planes(plane_table_bytes(layout));
+    build_plane_table(layout, 0, table_cells(layout), planes.data());
+    Tables tables;
+    tables.layout = layout;
+    tables.planes = planes.data();
+    std::vector<Jobs> jobs(64);
+    uint64_t random = 7;
+    const auto next = [&random] {
+        random = random * 6364136223846793005u + 1442695040888963407u;
+        return static_cast<uint32_t>(random >> 33);
+    };
+    for (Jobs& list : jobs) {
+        list.reserve(512);
+        list.count = 512;
+        for (uint32_t j = 0; j < 512; ++j) {
+            const uint32_t offset = (next() & 1) * (mask_bytes(layout) / 2);
+            for (auto& plane : list.plane)
+                plane[j] = (next() % table_cells(layout) * mask_bytes(layout) + offset) | (next() & 1);
+            list.destination[j] = j % lanes * mask_bytes(layout) + offset;
+        }
+    }
+    run_lists(state, k, tables, jobs);
+}
+
+void integrate(State& state, const Kernels& k, Recording& r, bool per_block) {
+    Counters counters{};
+    Local ours, theirs;
+    for (size_t b = 0; b < r.batches.size(); ++b) {
+        k.integrate(*r.tables, r.masks_of(b), r.batches[b].valid, per_block, ours.values, counters);
+        kernels_for(Set::scalar)
+            ->integrate(*r.tables, r.masks_of(b), r.batches[b].valid, per_block, theirs.values, counters);
+        if (!same(&ours, &theirs, 1)) return state.SkipWithError(wrong);
+    }
+    counters = {};
+    k.integrate(*r.tables, r.masks_of(0), r.batches[0].valid, per_block, ours.values, counters);
+    for (auto _ : state) {
+        for (size_t b = 0; b < r.batches.size(); ++b)
+            k.integrate(*r.tables, r.masks_of(b), r.batches[b].valid, per_block, ours.values, counters);
+        benchmark::ClobberMemory();
+    }
+    report(state, {.bytes = double(r.batches.size()) * lanes * mask_bytes(r.tables->layout),
+                   .items = double(r.batches.size()) * lanes});
+}
+
+void rotate(State& state, const Kernels& k, Recording& r) {
+    Local ours, theirs;
+    for (size_t b = 0; b < r.batches.size(); ++b) {
+        k.rotate(r.batches[b], r.locals[b].values, ours.values);
+        kernels_for(Set::scalar)->rotate(r.batches[b], r.locals[b].values, theirs.values);
+        if (!same(&ours, &theirs, 1)) return state.SkipWithError(wrong);
+    }
+    for (auto _ : state) {
+        for (size_t b = 0; b < r.batches.size(); ++b)
+            k.rotate(r.batches[b], r.locals[b].values, ours.values);
+        benchmark::ClobberMemory();
+    }
+    report(state,
+           {.bytes = double(r.batches.size()) * sizeof(Local), .items = double(r.batches.size()) * lanes});
+}
+
+void downsample(State& state, const Kernels& k, Recording& r) {
+    const uint32_t blocks = mask_blocks(r.tables->layout), bytes = mask_bytes(r.tables->layout);
+    uint8_t ours[256], theirs[256];
+    const size_t count = r.masks.size() / bytes;
+    for (size_t m = 0; m < count; ++m) {
+        k.downsample(&r.masks[m * bytes], blocks, ours);
+        kernels_for(Set::scalar)->downsample(&r.masks[m * bytes], blocks, theirs);
+        if (!same(ours, theirs, blocks)) return state.SkipWithError(wrong);
+    }
+    for (auto _ : state) {
+        for (size_t m = 0; m < count; ++m)
+            k.downsample(&r.masks[m * bytes], blocks, ours);
+        benchmark::ClobberMemory();
+    }
+    report(state, {.bytes = double(r.masks.size()), .items = double(count), .working_set = r.masks.size()});
+}
+
+void shade(State& state, const Kernels& k, Recording& r) {
+    float light[75];
+    for (int i = 0; i < 75; ++i)
+        light[i] = 1.0f / static_cast<float>(i + 1);
+    const size_t count = r.transfer.size() / 25;
+    std::vector<float> ours(count * 3), theirs(count * 3);
+    k.shade(light, r.transfer.data(), 100, count, ours.data());
+    kernels_for(Set::scalar)->shade(light, r.transfer.data(), 100, count, theirs.data());
+    if (!same(ours.data(), theirs.data(), ours.size())) return state.SkipWithError(wrong);
+    for (auto _ : state) {
+        k.shade(light, r.transfer.data(), 100, count, ours.data());
+        benchmark::ClobberMemory();
+    }
+    report(state, {.bytes = double(count) * 112,
+                   .items = double(count),
+                   .flops = double(count) * 150,
+                   .working_set = count * 100});
+}
+
+void evaluate(State& state, const Kernels& k) {
+    constexpr size_t count = 4096;
+    Aligned<float> x(count), y(count), z(count), ours(count * 25), theirs(count * 25);
+    for (size_t i = 0; i < count; ++i) {
+        const double h = 1 - 2 * (double(i) + 0.5) / count, q = std::sqrt(1 - h * h),
+                     p = 2.39996322972865332 * double(i);
+        x[i] = float(q * std::cos(p));
+        y[i] = float(q * std::sin(p));
+        z[i] = float(h);
+    }
+    k.evaluate_sh(x.data(), y.data(), z.data(), count, ours.data());
+    kernels_for(Set::scalar)->evaluate_sh(x.data(), y.data(), z.data(), count, theirs.data());
+    if (!same(ours.data(), theirs.data(), ours.size())) return state.SkipWithError(wrong);
+    for (auto _ : state) {
+        k.evaluate_sh(x.data(), y.data(), z.data(), count, ours.data());
+        benchmark::ClobberMemory();
+    }
+    report(state, {.bytes = double(count) * 112, .items = double(count)});
+}
+
+void roof(State& state, size_t bytes, bool random) {
+    double rate = 0;
+    for (auto _ : state)
+        benchmark::DoNotOptimize(rate = random ? gather_peak(bytes) : load_peak(bytes));
+    state.counters["bytes_per_second_peak"] = rate;
+}
+
+void add(const std::string& name, std::function<void(State&)> body) {
+    benchmark::RegisterBenchmark(name.c_str(), [body](State& state) { body(state); });
+}
+
+void register_all() {
+    for (const size_t kilobytes : {32, 512, 2048, 8192}) {
+        for (const bool random : {false, true}) {
+            benchmark::RegisterBenchmark(
+                ((random ? "machine/gather/" : "machine/load/") + std::to_string(kilobytes) + "KB").c_str(),
+                [=](State& state) { roof(state, kilobytes << 10, random); })
+                ->Iterations(1);
+        }
+    }
+    benchmark::RegisterBenchmark("machine/flops", [](State& state) {
+        double rate = 0;
+        for (auto _ : state)
+            benchmark::DoNotOptimize(rate = flop_peak());
+        state.counters["flops_peak"] = rate;
+    })->Iterations(1);
+    const auto standard = [](auto body) {
+        return [body](State& state, const Kernels& k) { body(state, k, recording(Quality::standard)); };
+    };
+    const auto fine = [](auto body) {
+        return [body](State& state, const Kernels& k) { body(state, k, recording(Quality::fine)); };
+    };
+    const auto lists = [](State& state, const Kernels& k, Recording& r) {
+        run_lists(state, k, *r.tables, r.jobs);
+    };
+    const auto bits = [](State& state, const Kernels& k, Recording& r) { integrate(state, k, r, false); };
+    const auto blocks = [](State& state, const Kernels& k, Recording& r) { integrate(state, k, r, true); };
+    const std::pair<std::string, std::function<void(State&, const Kernels&)>> all[] = {
+        {"prepare_batch/hand", standard(prepare)},
+        {"select_clusters/hand", standard(select)},
+        {"cluster_jobs/standard", standard(clusters)},
+        {"cluster_jobs/fine", fine(clusters)},
+        {"triangle_jobs/hand", standard(triangles)},
+        {"fan_jobs/hand", standard(fans)},
+        {"run_jobs/standard", standard(lists)},
+        {"run_jobs/fine", fine(lists)},
+        {"run_jobs/random_32KB", [](State& state, const Kernels& k) { run_random(state, k, 16); }},
+        {"run_jobs/random_512KB", [](State& state, const Kernels& k) { run_random(state, k, 64); }},
+        {"run_jobs/random_2MB", [](State& state, const Kernels& k) { run_random(state, k, 128); }},
+        {"run_jobs/random_8MB", [](State& state, const Kernels& k) { run_random(state, k, 256); }},
+        {"integrate/standard", standard(bits)},
+        {"integrate/fine", fine(bits)},
+        {"integrate/per_block", standard(blocks)},
+        {"rotate/hand", standard(rotate)},
+        {"downsample/standard", standard(downsample)},
+        {"downsample/fine", fine(downsample)},
+        {"shade/hand", standard(shade)},
+        {"evaluate_sh/sphere", [](State& state, const Kernels& k) { evaluate(state, k); }},
+    };
+    for (const auto& [name, body] : all) {
+        for (const Set set : {Set::scalar, Set::sse4, Set::avx2, Set::avx512}) {
+            const Kernels* k = kernels_for(set);
+            if (k) add(name + "/" + k->name, [body = body, k](State& state) { body(state, *k); });
+        }
+    }
+}
+
+} // namespace
+} // namespace nusselt::bench
+
+int main(int argc, char** argv) {
+    benchmark::AddCustomContext("configuration", nusselt::configuration());
+    nusselt::bench::register_all();
+    benchmark::Initialize(&argc, argv);
+    if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
+    benchmark::RunSpecifiedBenchmarks();
+    benchmark::Shutdown();
+    return 0;
+}
