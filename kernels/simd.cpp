@@ -2,6 +2,8 @@
 // Products and sums are never fused and divisions are exact; only then do all widths agree.
 // A batch's 16 lanes are worked on in chunks of the register's width.
 #include "kernels/simd.h"
+
+#include "kernels/compress_table.h"
 #include "kernels/prepare.h"
 
 #include <cstring>
@@ -43,11 +45,16 @@ HWY_INLINE V constant(float value) {
 }
 
 HWY_INLINE uint32_t bits_of(M mask) {
-    uint8_t bytes[8] = {};
-    hn::StoreMaskBits(df, mask, bytes);
-    uint32_t bits;
-    std::memcpy(&bits, bytes, sizeof(bits));
-    return bits & chunk_bits;
+    // As many bytes as there are written: a wider load would wait for the store.
+    if constexpr (width == 16) {
+        uint16_t bits;
+        hn::StoreMaskBits(df, mask, reinterpret_cast<uint8_t*>(&bits));
+        return bits;
+    } else {
+        uint8_t bits;
+        hn::StoreMaskBits(df, mask, &bits);
+        return bits;
+    }
 }
 
 HWY_INLINE M mask_of(uint32_t bits) {
@@ -157,22 +164,37 @@ HWY_INLINE V over_horizon(const Horizon& h, const Vec3& p) {
     return hn::Sub(p.z, hn::Add(hn::Mul(h.x, p.x), hn::Mul(h.y, p.y)));
 }
 
-HWY_INLINE void append(const U entry[3], U destination, uint32_t offset, M mask, JobList& jobs) {
-    const hn::Mask<Word> m = hn::RebindMask(du, mask);
-    const U add = hn::Set(du, offset);
-    for (uint32_t k = 0; k < 3; ++k)
-        hn::StoreU(hn::Compress(hn::Add(entry[k], add), m), du, jobs.plane[k] + jobs.count);
-    hn::StoreU(hn::Compress(hn::Add(destination, add), m), du, jobs.destination + jobs.count);
-    jobs.count += static_cast<uint32_t>(hn::CountTrue(df, mask));
+// The lanes of `bits` moved to the front, in order. Our own below AVX-512: the library's copies its table to
+// the stack at every call with gcc 12, which made half of the AVX2 frame.
+HWY_INLINE U compress(U values, uint32_t bits) {
+    if constexpr (width == 16) {
+        return hn::Compress(values, hn::RebindMask(du, mask_of(bits)));
+    } else {
+        const hn::Rebind<uint8_t, Word> bytes;
+        const U from = hn::PromoteTo(du, hn::LoadU(bytes, compress_table.from[bits]));
+        return hn::TableLookupLanes(values, hn::IndicesFromVec(du, from));
+    }
 }
 
-// One job for each half of the mask that the triangle reaches, in the lanes of `active`.
-HWY_INLINE void add_jobs(const MaskLayout& layout, const U entry[3], M lower, M upper, uint32_t lane,
-                         M active, JobList& jobs) {
-    const uint32_t bytes = mask_bytes(layout);
-    const U destination = hn::Mul(hn::Add(hn::Iota(du, lane), hn::Zero(du)), hn::Set(du, bytes));
-    append(entry, destination, 0, hn::And(active, lower), jobs);
-    append(entry, destination, bytes / 2, hn::And(active, upper), jobs);
+HWY_INLINE void append(const U entry[3], U destination, uint32_t offset, uint32_t bits, JobList& jobs) {
+    const U add = hn::Set(du, offset);
+    for (uint32_t k = 0; k < 3; ++k)
+        hn::StoreU(compress(hn::Add(entry[k], add), bits), du, jobs.plane[k] + jobs.count);
+    hn::StoreU(compress(hn::Add(destination, add), bits), du, jobs.destination + jobs.count);
+    jobs.count += static_cast<uint32_t>(__builtin_popcount(bits));
+}
+
+// Where each lane's mask lies.
+HWY_INLINE U destinations(const MaskLayout& layout, uint32_t lane) {
+    return hn::Mul(hn::Iota(du, lane), hn::Set(du, mask_bytes(layout)));
+}
+
+// One job for each half of the mask that the triangle reaches: lanes `lower` of the first, `upper` of the
+// second.
+HWY_INLINE void add_jobs(const MaskLayout& layout, const U entry[3], U destination, uint32_t lower,
+                         uint32_t upper, JobList& jobs) {
+    append(entry, destination, 0, lower, jobs);
+    append(entry, destination, mask_bytes(layout) / 2, upper, jobs);
 }
 
 HWY_INLINE M valid_entries(const U entry[3]) {
@@ -245,8 +267,9 @@ uint32_t select_clusters(const ReceiverBounds& receivers, const ClusterBounds& c
         }
         const M keep = hn::And(reach.reaches, present);
         in_band += hn::CountTrue(df, hn::And(reach.in_band, present));
-        hn::StoreU(hn::Compress(numbers, hn::RebindMask(du, keep)), du, selected + count);
-        count += static_cast<uint32_t>(hn::CountTrue(df, keep));
+        const uint32_t kept = bits_of(keep);
+        hn::StoreU(compress(numbers, kept), du, selected + count);
+        count += static_cast<uint32_t>(__builtin_popcount(kept));
     }
     *tested += in_band;
     return count;
@@ -380,21 +403,26 @@ void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float
             }
         }
         const uint32_t complement = entry_complement(layout);
+        const U destination = destinations(layout, lane);
         for (uint64_t left = drawn; left; left &= left - 1) {
             const uint32_t t = static_cast<uint32_t>(__builtin_ctzll(left));
             const uint8_t* triangle = cluster.triangles + 8 * t;
-            const U turned =
-                hn::IfThenElseZero(hn::RebindMask(du, mask_of(back[t])), hn::Set(du, complement));
             U entry[3];
             for (uint32_t k = 0; k < 3; ++k) {
                 const U flip = hn::Set(du, triangle[6] >> k & 1 ? complement : 0);
-                entry[k] = hn::Xor(hn::Xor(hn::Load(du, scratch.entry[triangle[3 + k]]), flip), turned);
+                entry[k] = hn::Xor(hn::Load(du, scratch.entry[triangle[3 + k]]), flip);
             }
-            const M active = hn::And(mask_of(front[t] | back[t]), valid_entries(entry));
-            counters.triangles_rasterized += hn::CountTrue(df, active);
+            if (back[t]) {
+                const U turned =
+                    hn::IfThenElseZero(hn::RebindMask(du, mask_of(back[t])), hn::Set(du, complement));
+                for (U& e : entry)
+                    e = hn::Xor(e, turned);
+            }
+            const uint32_t active = (front[t] | back[t]) & bits_of(valid_entries(entry));
+            counters.triangles_rasterized += static_cast<uint32_t>(__builtin_popcount(active));
             const uint32_t halves =
                 scratch.halves[triangle[0]] | scratch.halves[triangle[1]] | scratch.halves[triangle[2]];
-            add_jobs(layout, entry, mask_of(halves & chunk_bits), mask_of(halves >> 16), lane, active, jobs);
+            add_jobs(layout, entry, destination, active & halves, active & halves >> 16, jobs);
         }
     }
 }
@@ -421,10 +449,12 @@ HWY_INLINE void free_jobs(const MaskLayout& layout, const Vec3 corner[3], const 
         entry[k] = hn::Xor(entry[k], turned);
     }
     const M left = hn::And(active, valid_entries(entry));
-    counter += hn::CountTrue(df, left);
+    const uint32_t bits = bits_of(left);
+    counter += static_cast<uint32_t>(__builtin_popcount(bits));
     const V low = hn::Min(hn::Min(corner[0].y, corner[1].y), corner[2].y);
     const V high = hn::Max(hn::Max(corner[0].y, corner[1].y), corner[2].y);
-    add_jobs(layout, entry, hn::Lt(low, hn::Zero(df)), hn::Gt(high, hn::Zero(df)), lane, left, jobs);
+    add_jobs(layout, entry, destinations(layout, lane), bits & bits_of(hn::Lt(low, hn::Zero(df))),
+             bits & bits_of(hn::Gt(high, hn::Zero(df))), jobs);
 }
 
 HWY_INLINE Vec3 load_corner(const Chunk& chunk, const float corner[3][lanes], uint32_t lane) {
