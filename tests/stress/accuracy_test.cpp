@@ -1,0 +1,328 @@
+// The four levels beside one another, and what the table's nearest cell costs: bits, leaks, lost and gained.
+#include "tests/stress/ledger.h"
+#include "tests/stress/raster.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace nusselt::test {
+
+namespace {
+
+using namespace kernels;
+
+constexpr const MaskLayout& standard = standard_layout;
+
+uint32_t differing(const uint8_t* a, const uint8_t* b, uint32_t bytes) {
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < bytes; ++i) {
+        const uint8_t x = uint8_t(a[i] ^ b[i]);
+        count += count_bits(&x, 1);
+    }
+    return count;
+}
+
+// Levels: whole numbers, double, float. Corners on a grid of 2^-10 within 2^10: what stays is rounding alone.
+TEST(Oracle, DoubleIsExactAndFloatNearlySo) {
+    const Samples samples(standard);
+    uint64_t wrong_double = 0, wrong_float = 0, bits = 0;
+    Random random(stress_seed());
+    for (uint64_t i = 0; i < stress_cases(); ++i) {
+        std::array<std::array<int32_t, 3>, 3> whole;
+        std::array<std::array<double, 3>, 3> real;
+        std::array<std::array<float, 3>, 3> single;
+        const int32_t reach = 1 << (4 + random.below(17));
+        for (size_t k = 0; k < 3; ++k) {
+            for (size_t j = 0; j < 3; ++j) {
+                whole[k][j] = int32_t(random.below(uint32_t(2 * reach))) - reach;
+                real[k][j] = whole[k][j];
+                single[k][j] = float(whole[k][j]);
+            }
+        }
+        uint8_t exact[128] = {}, in_double[128] = {}, in_float[128] = {};
+        cover_exactly(samples, whole, exact);
+        cover<double>(samples, real, in_double);
+        cover<float>(samples, single, in_float);
+        bits += count_bits(exact, 128);
+        wrong_double += differing(exact, in_double, 128);
+        wrong_float += differing(exact, in_float, 128);
+    }
+    ASSERT_GT(bits, stress_cases());
+    figure("oracle: bits that double gets wrong, all cases", double(wrong_double), "bits");
+    figure("oracle: bits that float gets wrong per 1,000 triangles",
+           1e3 * double(wrong_float) / double(stress_cases()), "bits");
+    EXPECT_LE(wrong_double, stress_cases() / 20000 + 1);
+    EXPECT_LE(double(wrong_float), 0.01 * double(stress_cases()) + 1);
+}
+
+// Level: whole numbers. Ties belong to both sides, so that a plane and its opposite leave nothing out.
+TEST(Oracle, M14TiesBelongToBoth) {
+    const Samples samples(standard);
+    // Two triangles that share the edge from a sample's direction to the zenith.
+    for (uint32_t bit = 0; bit < samples.bits; bit += 7) {
+        const std::array<int32_t, 3> d{samples.whole[0][bit], samples.whole[1][bit], samples.whole[2][bit]};
+        const std::array<int32_t, 3> up{0, 0, 1 << 20}, left{-d[1], d[0], 1 << 10},
+            right{d[1], -d[0], 1 << 10};
+        uint8_t a[128] = {}, b[128] = {};
+        cover_exactly(samples, {d, left, up}, a);
+        cover_exactly(samples, {d, up, right}, b);
+        EXPECT_TRUE(a[bit / 8] & b[bit / 8] & 1u << bit % 8) << bit;
+    }
+}
+
+struct Wrong {
+    uint64_t triangles = 0, bits = 0, gained = 0, lost = 0;
+    uint32_t most = 0;
+};
+
+// Levels: table against double. One triangle a mask.
+Wrong wrong_bits(const MaskLayout& layout, uint64_t cases, float size) {
+    const Samples samples(layout);
+    Wrong w;
+    Random random(stress_seed() + 17);
+    const uint32_t bytes = mask_bytes(layout);
+    for (uint64_t i = 0; i < (cases + 15) / 16; ++i) {
+        std::vector<std::array<float, 3>> at(16), up(16);
+        Soup soup;
+        soup.points.resize(3);
+        soup.triangles = {{0, 1, 2}};
+        float centre[3];
+        random.direction(centre);
+        for (auto& p : soup.points) {
+            float d[3];
+            random.direction(d);
+            for (size_t k = 0; k < 3; ++k)
+                p[k] = centre[k] + d[k] * size;
+        }
+        for (uint32_t lane = 0; lane < 16; ++lane) {
+            at[lane] = {random.between(-0.1f, 0.1f), random.between(-0.1f, 0.1f),
+                        random.between(-0.1f, 0.1f)};
+            random.direction(up[lane].data());
+        }
+        const Batch batch = batch_of(at, up);
+        const Masks got = rasterize(widest(), layout, batch, soup),
+                    truth = rasterize_double(samples, layout, batch, soup);
+        for (uint32_t lane = 0; lane < 16; ++lane) {
+            const uint8_t *g = got.data() + lane * bytes, *t = truth.data() + lane * bytes;
+            if (count_bits(t, bytes) + count_bits(g, bytes) == 0) continue;
+            const uint32_t wrong = differing(g, t, bytes);
+            ++w.triangles;
+            w.bits += wrong;
+            w.most = std::max(w.most, wrong);
+            for (uint32_t b = 0; b < bytes; ++b) {
+                const uint8_t more = uint8_t(g[b] & ~t[b]), less = uint8_t(t[b] & ~g[b]);
+                w.gained += count_bits(&more, 1);
+                w.lost += count_bits(&less, 1);
+            }
+        }
+    }
+    return w;
+}
+
+TEST(Accuracy, BitsOfATriangle) {
+    struct Budget {
+        const char* name;
+        MaskLayout layout;
+        float size;
+        double mean;
+        uint32_t most;
+    };
+    // What 160,000 triangles showed, and a little more: the errors are the cells' size (a prototype's, with
+    // every triangle overhead, were 6.7 and 25).
+    const Budget budgets[] = {{"standard, large triangles", standard, 1.0f, 2.8, 28},
+                              {"standard, small triangles", standard, 0.1f, 0.9, 16},
+                              {"fine, large triangles", fine_layout, 1.0f, 10.5, 90},
+                              {"fine, small triangles", fine_layout, 0.1f, 2.2, 50}};
+    for (const Budget& b : budgets) {
+        const Wrong w = wrong_bits(b.layout, stress_cases() * 8, b.size);
+        const std::string name = b.name;
+        ASSERT_GT(w.triangles, stress_cases());
+        const double mean = double(w.bits) / double(w.triangles);
+        figure("table against double, " + name + ": bits wrong per triangle, mean", mean, "bits");
+        figure("table against double, " + name + ": bits wrong per triangle, most", w.most, "bits");
+        figure("table against double, " + name + ": gained less lost per triangle",
+               (double(w.gained) - double(w.lost)) / double(w.triangles), "bits");
+        EXPECT_LT(mean, b.mean) << name;
+        EXPECT_LE(w.most, b.most) << name;
+    }
+}
+
+// M11. Level: what is known. All samples are blocked inside a closed surface; a table of nearest cells leaks
+// where planes meet, by its design: counted, not forbidden.
+TEST(Accuracy, M11FullEnclosure) {
+    Random random(stress_seed() + 29);
+    for (const uint32_t subdivisions : {1u, 3u, 5u}) {
+        const uint64_t batches = std::max<uint64_t>(stress_cases() / (subdivisions == 5 ? 64 : 16), 4);
+        uint64_t leaks = 0, holed = 0, most = 0, receivers = 0;
+        for (uint64_t i = 0; i < batches; ++i) {
+            const Soup shell = sphere_soup(subdivisions, &random);
+            Soup inside = shell;
+            inside.two_sided = true;
+            std::vector<std::array<float, 3>> at(16), up(16);
+            for (uint32_t lane = 0; lane < 16; ++lane) {
+                random.direction(up[lane].data());
+                random.direction(at[lane].data());
+                for (float& c : at[lane])
+                    c *= 0.4f * float(random.unit());
+            }
+            const Masks masks = rasterize(widest(), standard, batch_of(at, up), inside);
+            for (uint32_t lane = 0; lane < 16; ++lane) {
+                const uint32_t open = 1024 - count_bits(masks.data() + lane * 128, 128);
+                leaks += open;
+                holed += open > 0;
+                most = std::max<uint64_t>(most, open);
+                ++receivers;
+            }
+        }
+        const std::string name =
+            "M11 inside a sphere of " + std::to_string(20u << (2 * subdivisions)) + " triangles: ";
+        figure(name + "leaked samples per 10 M", 1e7 * double(leaks) / (1024.0 * double(receivers)), "bits");
+        figure(name + "receivers with a leak", 100.0 * double(holed) / double(receivers), "%");
+        figure(name + "most leaked at a receiver", double(most), "bits");
+        EXPECT_LE(double(leaks) / double(receivers), 0.5);
+    }
+}
+
+// M11, M14. A room of whole numbers, receivers on a lattice, edges and corners straight above them.
+TEST(Accuracy, M11LatticeRoom) {
+    for (const float offset : {0.0f, 100000.0f}) {
+        uint64_t leaks = 0, receivers = 0;
+        const int n = 8;
+        Soup room;
+        room.two_sided = true;
+        const auto add_wall = [&](int axis, int at) {
+            const uint32_t first = uint32_t(room.points.size());
+            for (int j = 0; j <= n; ++j) {
+                for (int i = 0; i <= n; ++i) {
+                    std::array<float, 3> p{};
+                    p[size_t(axis)] = float(at);
+                    p[size_t((axis + 1) % 3)] = float(i);
+                    p[size_t((axis + 2) % 3)] = float(j);
+                    room.points.push_back(p);
+                }
+            }
+            for (uint32_t j = 0; j < uint32_t(n); ++j) {
+                for (uint32_t i = 0; i < uint32_t(n); ++i) {
+                    const uint32_t a = first + j * uint32_t(n + 1) + i, b = a + 1, c = a + uint32_t(n + 1),
+                                   d = c + 1;
+                    room.triangles.push_back({a, b, d});
+                    room.triangles.push_back({a, d, c});
+                }
+            }
+        };
+        for (int axis = 0; axis < 3; ++axis) {
+            add_wall(axis, 0);
+            add_wall(axis, n);
+        }
+        std::vector<std::array<float, 3>> at, up;
+        for (int i = 0; i < 343; ++i) {
+            at.push_back({float(1 + i % 7), float(1 + i / 7 % 7), float(1 + i / 49)});
+            up.push_back({i % 3 == 0 ? 1.0f : 0.0f, i % 3 == 1 ? 1.0f : 0.0f, i % 3 == 2 ? 1.0f : 0.0f});
+        }
+        // As a frame does: relative to its first point. The offset must change nothing.
+        Soup moved = room;
+        for (auto& p : moved.points) {
+            for (float& c : p)
+                c = (c + offset) - offset;
+        }
+        for (size_t i = 0; i + 16 <= at.size(); i += 16) {
+            const Batch batch = batch_of({at.begin() + long(i), at.begin() + long(i) + 16},
+                                         {up.begin() + long(i), up.begin() + long(i) + 16});
+            const Masks masks = rasterize(widest(), standard, batch, moved);
+            leaks += 16 * 1024 - count_bits(masks.data(), 16 * 128);
+            receivers += 16;
+        }
+        const std::string name = offset > 0 ? "M11 lattice room at 1e5: " : "M11 lattice room: ";
+        figure(name + "leaked samples per receiver", double(leaks) / double(receivers), "bits");
+        EXPECT_LE(double(leaks) / double(receivers), 3.5);
+    }
+}
+
+// M12. Levels: table, and double. A triangle against its sixteen parts.
+TEST(Accuracy, M12Subdivision) {
+    const Samples samples(standard);
+    uint64_t lost = 0, gained = 0, exact = 0, triangles = 0;
+    uint32_t most = 0;
+    for (uint64_t i = 0; i < stress_cases() / 4; ++i) {
+        Random random(stress_seed() * 7 + i);
+        Soup soup;
+        soup.points.resize(3);
+        soup.triangles = {{0, 1, 2}};
+        for (auto& p : soup.points) {
+            random.direction(p.data());
+            for (float& c : p) // on a grid, so that the middles of edges are exact
+                c = std::round(c * 1024) / 1024;
+        }
+        std::vector<std::array<float, 3>> at(16, {0, 0, 0}), up(16);
+        for (auto& n : up)
+            random.direction(n.data());
+        const Batch batch = batch_of(at, up);
+        const Soup parts = subdivided(subdivided(soup));
+        const Masks whole = rasterize(widest(), standard, batch, soup),
+                    split = rasterize(widest(), standard, batch, parts);
+        exact += differing(rasterize_double(samples, standard, batch, soup).data(),
+                           rasterize_double(samples, standard, batch, parts).data(), 16 * 128);
+        for (uint32_t lane = 0; lane < 16; ++lane) {
+            const uint8_t *a = whole.data() + lane * 128, *b = split.data() + lane * 128;
+            if (count_bits(a, 128) == 0) continue;
+            uint32_t less = 0;
+            for (uint32_t k = 0; k < 128; ++k) {
+                const uint8_t l = uint8_t(a[k] & ~b[k]), g = uint8_t(b[k] & ~a[k]);
+                less += count_bits(&l, 1);
+                gained += count_bits(&g, 1);
+            }
+            lost += less;
+            most = std::max(most, less);
+            ++triangles;
+        }
+    }
+    ASSERT_GT(triangles, 0u);
+    figure("M12 triangle in 16 parts, double: bits that differ, all cases", double(exact), "bits");
+    figure("M12 triangle in 16 parts, table: bits lost per triangle", double(lost) / double(triangles),
+           "bits");
+    figure("M12 triangle in 16 parts, table: bits gained per triangle", double(gained) / double(triangles),
+           "bits");
+    figure("M12 triangle in 16 parts, table: most lost", most, "bits");
+    EXPECT_LE(exact, stress_cases() / 100 + 2);
+    EXPECT_LE(double(lost) / double(triangles), 0.05);
+    EXPECT_LE(double(gained) / double(triangles), 0.3);
+}
+
+// G18. Level: table against double, every cell with planes of its own.
+TEST(Accuracy, G18EveryCellOfTheTable) {
+    const Samples samples(standard);
+    const Tables& tables = tables_of(standard);
+    const uint32_t cells = standard.plane_cells;
+    Random random(stress_seed() + 43);
+    std::vector<uint32_t> wrong;
+    const uint32_t planes = stress_cases() >= 20000 ? 16 : 2;
+    for (uint32_t cell = 0; cell < cells * cells; ++cell) {
+        for (uint32_t i = 0; i < planes; ++i) {
+            const double u = (cell % cells + random.unit()) * 2 / cells - 1,
+                         v = (cell / cells + random.unit()) * 2 / cells - 1;
+            const double x = (u + v) / 2, y = (u - v) / 2, z = 1 - std::fabs(x) - std::fabs(y);
+            const uint8_t* mask = tables.planes + size_t(cell) * 128;
+            uint32_t count = 0;
+            for (uint32_t bit = 0; bit < 1024; ++bit) {
+                const bool above = x * samples.direction[0][bit] + y * samples.direction[1][bit] +
+                                       z * samples.direction[2][bit] >=
+                                   0;
+                count += above != (mask[bit / 8] >> bit % 8 & 1);
+            }
+            wrong.push_back(count);
+        }
+    }
+    std::sort(wrong.begin(), wrong.end());
+    double sum = 0;
+    for (const uint32_t w : wrong)
+        sum += w;
+    figure("G18 half-space, bits wrong: mean", sum / double(wrong.size()), "bits");
+    figure("G18 half-space, bits wrong: 99 of 100 below", wrong[wrong.size() / 100 * 99], "bits");
+    figure("G18 half-space, bits wrong: most", wrong.back(), "bits");
+    EXPECT_LE(sum / double(wrong.size()), 3.0);
+    EXPECT_LE(wrong.back(), 18u);
+}
+
+} // namespace
+
+} // namespace nusselt::test
