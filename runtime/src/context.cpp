@@ -54,6 +54,9 @@ Status create_context(const ContextDesc& desc, Context** out) {
     if (desc.executor.enqueue && !desc.executor.finish)
         return {StatusCode::invalid_argument, "no context made: the executor has enqueue but no finish; give "
                                               "both, or none for serial_executor()"};
+    if (!desc.profiler.begin != !desc.profiler.end)
+        return {StatusCode::invalid_argument,
+                "no context made: the profiler has only one of its two functions; give both or none"};
     Isa isa = desc.isa;
     if (isa == Isa::best) {
         const char* forced = std::getenv("NUSSELT_ISA");
@@ -70,6 +73,7 @@ Status create_context(const ContextDesc& desc, Context** out) {
     try {
         Context* context = make<Context>(desc.allocator, desc.allocator);
         context->executor = desc.executor.enqueue ? desc.executor : serial_executor();
+        context->profiler = desc.profiler;
         context->isa = isa;
         context->kernels = kernels_of(isa);
         *out = context;

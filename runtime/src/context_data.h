@@ -22,6 +22,7 @@ struct Context {
     Allocator allocator;
     Executor executor;
     Isa isa = Isa::scalar;
+    Profiler profiler;
     const kernels::Kernels* kernels = nullptr;
     const kernels::Tables* tables[quality_count] = {}; // held once used
 
@@ -32,6 +33,21 @@ struct Context {
 
 // Where the generations of a context's handles start: another context's handles are then told apart.
 uint32_t first_generation(const Context& context);
+
+// A zone of the host's profiler, for a scope.
+struct Zone {
+    Zone(const Profiler& p, const char* n) : profiler(p), name(n) {
+        if (profiler.begin) profiler.begin(profiler.user, name);
+    }
+    ~Zone() {
+        if (profiler.begin) profiler.end(profiler.user, name);
+    }
+    Zone(const Zone&) = delete;
+    Zone& operator=(const Zone&) = delete;
+
+    const Profiler& profiler;
+    const char* name;
+};
 
 // The live mesh of that handle, or null. The guard is held.
 MeshSlot* find_mesh(Context& context, MeshId mesh);

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstring>
 #include <ctime>
 
 namespace nusselt {
@@ -167,22 +168,61 @@ void choose_origin(Frame& frame) {
 using Work = void (*)(void* context, uint32_t begin, uint32_t end, uint32_t slot);
 
 // A stage's work with its processor time.
-template<Work work>
+template<Work work, const auto& zone_name>
 void timed(void* context, uint32_t begin, uint32_t end, uint32_t slot) {
-    Tally& tally = static_cast<Frame*>(context)->workers[slot].tally;
+    Frame& frame = *static_cast<Frame*>(context);
+    // Seen by one task, it is seen by all that follow it in the graph: no stage works on a skipped one's
+    // data.
+    if (frame.cancelled.load(std::memory_order_relaxed)) return;
+    const Zone zone(*frame.profiler, zone_name);
+    Tally& tally = frame.workers[slot].tally;
     const double start = thread_cpu_nanoseconds();
     work(context, begin, end, slot);
     tally.cpu_ns += thread_cpu_nanoseconds() - start;
 }
 
 // The same for the stages before the receivers', which keep their own account of stages.
-template<Work work>
+template<Work work, const auto& zone_name>
 void timed_refit(void* context, uint32_t begin, uint32_t end, uint32_t slot) {
     Tally& tally = static_cast<Frame*>(context)->workers[slot].tally;
     const uint64_t start = ticks_now();
-    timed<work>(context, begin, end, slot);
+    timed<work, zone_name>(context, begin, end, slot);
     tally.ticks[refit_stage] += ticks_now() - start;
 }
+
+// Regions as work, with the account of what they wrote.
+void shadow_and_count(void* context, uint32_t begin, uint32_t end, uint32_t slot) {
+    Frame& frame = *static_cast<Frame*>(context);
+    shadow_regions(context, begin, end, slot);
+    for (uint32_t region = begin; region < end; ++region) {
+        const MeshSlice& s = slice_of(frame, &MeshSlice::first_region, region);
+        const uint32_t per_region = region_batches * kernels::lanes;
+        const uint32_t first = (region - s.first_region) * per_region;
+        frame.workers[slot].tally.receivers_written +=
+            std::min(static_cast<uint32_t>(s.mesh->receivers.size()) - first, per_region);
+    }
+}
+
+void copy_and_count(void* context, uint32_t begin, uint32_t end, uint32_t slot) {
+    Frame& frame = *static_cast<Frame*>(context);
+    copy_duplicates(context, begin, end, slot);
+    for (uint32_t chunk = begin; chunk < end; ++chunk) {
+        const MeshSlice& s = slice_of(frame, &MeshSlice::first_duplicate_chunk, chunk);
+        const uint32_t first = (chunk - s.first_duplicate_chunk) * kernels::lanes;
+        frame.workers[slot].tally.receivers_written +=
+            std::min(static_cast<uint32_t>(s.mesh->duplicates.size()) - first, kernels::lanes);
+    }
+}
+
+// Names as a host's profiler shows them; arrays, because a template takes no literal.
+constexpr char extents_zone[] = "nusselt extents";
+constexpr char scale_zone[] = "nusselt scale";
+constexpr char points_zone[] = "nusselt points";
+constexpr char clusters_zone[] = "nusselt clusters";
+constexpr char levels_zone[] = "nusselt levels";
+constexpr char bands_zone[] = "nusselt bands";
+constexpr char receivers_zone[] = "nusselt receivers";
+constexpr char duplicates_zone[] = "nusselt duplicates";
 
 void plan(Frame& frame) {
     jobs::Graph& graph = *frame.graph;
@@ -193,14 +233,14 @@ void plan(Frame& frame) {
         if (last != jobs::no_node) jobs::add_edge(graph, last, node);
         last = node;
     };
-    stage("extents", timed_refit<measure_extents>, frame.point_chunks, 4);
-    stage("scale", timed_refit<choose_scale>, 1, 1);
-    stage("points", timed_refit<place_points>, frame.point_chunks, 4);
-    stage("clusters", timed_refit<refit_clusters>, frame.cluster_count, 64);
-    stage("levels", timed_refit<measure_levels>, frame.sample_chunks, 4);
-    stage("bands", timed_refit<choose_bands>, static_cast<uint32_t>(frame.meshes.size()), 1);
-    stage("receivers", timed<shadow_regions>, frame.region_count, 1);
-    stage("duplicates", timed<copy_duplicates>, frame.duplicate_chunks, 16);
+    stage(extents_zone, timed_refit<measure_extents, extents_zone>, frame.point_chunks, 4);
+    stage(scale_zone, timed_refit<choose_scale, scale_zone>, 1, 1);
+    stage(points_zone, timed_refit<place_points, points_zone>, frame.point_chunks, 4);
+    stage(clusters_zone, timed_refit<refit_clusters, clusters_zone>, frame.cluster_count, 64);
+    stage(levels_zone, timed_refit<measure_levels, levels_zone>, frame.sample_chunks, 4);
+    stage(bands_zone, timed_refit<choose_bands, bands_zone>, static_cast<uint32_t>(frame.meshes.size()), 1);
+    stage(receivers_zone, timed<shadow_and_count, receivers_zone>, frame.region_count, 1);
+    stage(duplicates_zone, timed<copy_and_count, duplicates_zone>, frame.duplicate_chunks, 16);
 }
 
 constexpr uint32_t stages = 8;
@@ -242,6 +282,32 @@ void release_meshes(Context& context, const Frame& frame) {
         --context.meshes[s.in.mesh.slot].frames;
 }
 
+// The frame in flight of that handle, or null. The guard is held.
+Frame* find_frame(Context& context, FrameId id) {
+    Frame* const frame = id.slot < context.frames.size() ? context.frames[id.slot] : nullptr;
+    return frame && frame->generation == id.generation && frame->in_flight ? frame : nullptr;
+}
+
+#if defined(NUSSELT_CHECKED)
+constexpr bool checked = true;
+#else
+constexpr bool checked = false;
+#endif
+
+// Of the bytes of positions and normals that a frame reads.
+uint64_t checksum(const FrameMesh& mesh) {
+    uint64_t hash = 0xCBF29CE484222325u;
+    for (const Vec3View& view : {mesh.positions, mesh.normals}) {
+        for (size_t i = 0; i < view.count; ++i) {
+            uint32_t words[3];
+            std::memcpy(words, reinterpret_cast<const char*>(view.data) + i * view.stride, sizeof(words));
+            for (const uint32_t word : words)
+                hash = (hash ^ word) * 0x100000001B3u;
+        }
+    }
+    return hash;
+}
+
 void report(const Frame& frame, FrameStats& stats) {
     stats = {};
     const double elapsed = nanoseconds_now() - frame.start_ns;
@@ -251,6 +317,7 @@ void report(const Frame& frame, FrameStats& stats) {
         const Tally& t = w.tally;
         stats.receivers_computed += t.receivers_computed;
         stats.receivers_invalid += t.receivers_invalid;
+        stats.receivers_written += t.receivers_written;
         stats.clusters_tested += t.clusters_tested;
         stats.clusters_rasterized += t.clusters_rasterized;
         stats.triangles_considered += t.counters.triangles_considered;
@@ -315,6 +382,7 @@ Status submit(Context* context, const FrameDesc& desc, FrameId* out) {
                 "no frame started: out is null; pass where to write the handle"};
     *out = {};
     if (const Status status = check(desc); !status.ok()) return status;
+    const Zone zone(context->profiler, "nusselt submit");
     Frame* frame = nullptr;
     std::unique_lock lock(context->guard);
     for (uint32_t i = 0; i < desc.mesh_count; ++i) {
@@ -335,6 +403,7 @@ Status submit(Context* context, const FrameDesc& desc, FrameId* out) {
         prepare_workers(*context, *frame);
         frame->quality = *quality_settings(desc.quality);
         frame->kernels = context->kernels;
+        frame->profiler = &context->profiler;
         frame->tables = tables_of(*context, desc.quality);
         if (!frame->tables)
             return {StatusCode::out_of_memory,
@@ -351,6 +420,8 @@ Status submit(Context* context, const FrameDesc& desc, FrameId* out) {
         return {StatusCode::out_of_memory,
                 "no frame started: the allocator gave no memory; free some and try again"};
     }
+    for (MeshSlice& s : frame->meshes)
+        s.checksum = checked ? checksum(s.in) : 0;
     connect(*frame);
     choose_origin(*frame);
     plan(*frame);
@@ -358,6 +429,7 @@ Status submit(Context* context, const FrameDesc& desc, FrameId* out) {
         w.tally = {};
     for (const MeshSlice& s : frame->meshes)
         ++context->meshes[s.in.mesh.slot].frames;
+    frame->cancelled.store(false, std::memory_order_relaxed);
     frame->in_flight = true;
     lock.unlock(); // an executor may run everything here and now
     frame->start_ns = nanoseconds_now();
@@ -366,22 +438,55 @@ Status submit(Context* context, const FrameDesc& desc, FrameId* out) {
     return {};
 }
 
+Status poll(Context* context, FrameId id, bool* done) {
+    if (!context) return {StatusCode::invalid_argument, "nothing polled: the context is null"};
+    if (!done)
+        return {StatusCode::invalid_argument, "nothing polled: done is null; pass where to write the answer"};
+    *done = false;
+    const std::lock_guard lock(context->guard);
+    const Frame* frame = find_frame(*context, id);
+    if (!frame)
+        return {StatusCode::stale_handle,
+                "nothing polled: no frame in flight has that handle; it was waited for, and so is done"};
+    *done = jobs::done(*frame->graph);
+    return {};
+}
+
+Status cancel(Context* context, FrameId id) {
+    if (!context) return {StatusCode::invalid_argument, "nothing cancelled: the context is null"};
+    const std::lock_guard lock(context->guard);
+    Frame* frame = find_frame(*context, id);
+    if (!frame)
+        return {StatusCode::stale_handle,
+                "nothing cancelled: no frame in flight has that handle; it was waited for, and so is done"};
+    frame->cancelled.store(true, std::memory_order_relaxed);
+    return {};
+}
+
 Status wait(Context* context, FrameId id, FrameStats* stats) {
     if (!context) return {StatusCode::invalid_argument, "nothing waited for: the context is null"};
+    const Zone zone(context->profiler, "nusselt wait");
     Frame* frame = nullptr;
     {
         const std::lock_guard lock(context->guard);
-        if (id.slot < context->frames.size()) frame = context->frames[id.slot];
-        if (!frame || frame->generation != id.generation || !frame->in_flight)
+        frame = find_frame(*context, id);
+        if (!frame)
             return {StatusCode::stale_handle,
                     "nothing waited for: no frame in flight has that handle; each is waited for once"};
     }
     jobs::wait(*frame->graph);
     if (stats) report(*frame, *stats);
+    bool changed = false;
+    for (const MeshSlice& s : frame->meshes)
+        changed = changed || (checked && checksum(s.in) != s.checksum);
     const std::lock_guard lock(context->guard);
     release_meshes(*context, *frame);
     ++frame->generation;
     frame->in_flight = false;
+    if (changed)
+        return {StatusCode::changed,
+                "the frame is done, with results of no pose: positions or normals were written while it was "
+                "in flight; write them after wait, or use a second buffer"};
     return {};
 }
 

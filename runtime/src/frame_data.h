@@ -7,8 +7,10 @@
 #include "memory.h"
 #include "mesh_data.h"
 #include "nusselt/frame.h"
+#include "nusselt/profiler.h"
 #include "quality.h"
 
+#include <atomic>
 #include <cstdint>
 
 namespace nusselt {
@@ -33,6 +35,7 @@ struct MeshSlice {
     const MeshData* mesh = nullptr;
     const Clusters* clusters = nullptr; // all levels, or the coarse mesh (paper)
     FrameMesh in;                       // the caller's arrays
+    uint64_t checksum = 0;              // of what is read, at `submit` (NUSSELT_CHECKED)
     uint32_t first_point = 0, first_point_chunk = 0;
     uint32_t first_cluster = 0, first_sample_chunk = 0;
     uint32_t first_region = 0, region_count = 0, first_duplicate_chunk = 0;
@@ -41,7 +44,7 @@ struct MeshSlice {
 struct Tally {
     kernels::Counters counters{};
     uint64_t clusters_tested = 0, clusters_rasterized = 0;
-    uint32_t receivers_computed = 0, receivers_invalid = 0, triangles_invalid = 0;
+    uint32_t receivers_computed = 0, receivers_invalid = 0, receivers_written = 0, triangles_invalid = 0;
     double cpu_ns = 0;
     uint64_t ticks[6] = {}; // by Stage
 };
@@ -86,6 +89,7 @@ struct Frame {
 
     // Fixed in `submit`.
     const kernels::Kernels* kernels = nullptr;
+    const Profiler* profiler = nullptr; // the context's
     const kernels::Tables* tables = nullptr;
     QualitySettings quality{};
     Vector<MeshSlice> meshes;
@@ -113,6 +117,7 @@ struct Frame {
 
     uint32_t generation = 1;
     bool in_flight = false;
+    std::atomic<bool> cancelled = false; // set at most once a frame; a task that sees it does nothing
     uint64_t start_ticks = 0;
     double start_ns = 0;
 };

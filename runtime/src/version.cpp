@@ -9,6 +9,39 @@ uint32_t version() {
     return NUSSELT_VERSION;
 }
 
+Status check_version(uint32_t header_version) {
+    if (header_version / 100 != version() / 100 || header_version > version())
+        return {
+            StatusCode::unsupported,
+            "nothing should be called: this program was compiled with headers of another version than the "
+            "library that it found; install one version, and compile against its headers"};
+    return {};
+}
+
+bool has_feature(Feature feature) {
+    switch (feature) {
+    case Feature::tbb:
+#if defined(NUSSELT_TBB)
+        return true;
+#else
+        return false;
+#endif
+    case Feature::simd:
+#if defined(__x86_64__)
+        return true;
+#else
+        return false;
+#endif
+    case Feature::checked:
+#if defined(NUSSELT_CHECKED)
+        return true;
+#else
+        return false;
+#endif
+    }
+    return false;
+}
+
 const char* configuration() {
     return "nusselt " NUSSELT_TEXT(NUSSELT_VERSION_MAJOR) "." NUSSELT_TEXT(NUSSELT_VERSION_MINOR) "." NUSSELT_TEXT(
         NUSSELT_VERSION_PATCH) ", "
@@ -27,6 +60,9 @@ const char* configuration() {
                                    ", TBB"
 #else
                                    ", no TBB"
+#endif
+#if defined(NUSSELT_CHECKED)
+                                   ", checked"
 #endif
 #if defined(__OPTIMIZE__)
                                    ", optimised"

@@ -4,6 +4,7 @@
 
 #include "nusselt/allocator.h"
 #include "nusselt/executor.h"
+#include "nusselt/profiler.h"
 #include "nusselt/status.h"
 
 #include <cstddef>
@@ -27,6 +28,7 @@ struct ContextDesc {
     Allocator allocator; // default: the C++ heap
     Executor executor;   // default (enqueue null): serial_executor()
     Isa isa = Isa::best; // `best` takes NUSSELT_ISA from the environment first, then the highest available
+    Profiler profiler;   // default: none, and nothing is spent on it
 };
 
 // Makes a context. `unsupported`: the instruction set is not available here (or NUSSELT_ISA names no

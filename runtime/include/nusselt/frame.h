@@ -21,7 +21,10 @@ struct FrameId {
     uint32_t generation = 0;
 };
 
-// One mesh in a frame. All arrays are borrowed until `wait` returns, and have the mesh's V elements.
+// One mesh in a frame. All arrays have the mesh's V elements and are borrowed until `wait` returns: until
+// then positions and normals must not be written, and results not be read unless `poll` says done. A write in
+// flight makes results that belong to neither pose; builds with NUSSELT_CHECKED find it out (see `wait`). An
+// engine that animates the next frame meanwhile keeps two buffers, and two meshes or a wait in between.
 struct FrameMesh {
     MeshId mesh;
     Vec3View positions;    // of this frame, in the space common to all meshes of the frame
@@ -42,6 +45,7 @@ struct FrameStats {
     uint32_t receivers = 0;          // vertices that asked for a transfer vector
     uint32_t receivers_computed = 0; // of these, with position and normal of their own
     uint32_t receivers_invalid = 0;  // position or normal not finite, or a zero normal: transfer is zero
+    uint32_t receivers_written = 0; // whose results were written: all of them, unless the frame was cancelled
     uint64_t clusters_tested = 0;
     uint64_t clusters_rasterized = 0;
     uint64_t triangles_considered = 0; // (receiver, triangle) pairs in the clusters that were left
@@ -66,7 +70,20 @@ struct FrameStats {
 // pointers that do not fit. On any error nothing was started.
 Status submit(Context* context, const FrameDesc& desc, FrameId* out);
 
+// Whether the frame is done: *done is true when its results can be read. It returns at once and does no work;
+// an executor that runs tasks only inside `finish` is never done before `wait`. `wait` must be called all the
+// same. `stale_handle`: it was waited for.
+Status poll(Context* context, FrameId frame, bool* done);
+
+// Asks the frame to stop, from any thread, also while another one waits. No new piece of work is begun; what
+// is begun (under a millisecond a thread) is finished. `wait` must be called all the same. A receiver then
+// has either its whole result or what was in the array before; receivers_written counts the former.
+// Cancelling a frame that is done changes nothing. `stale_handle`: it was waited for.
+Status cancel(Context* context, FrameId frame);
+
 // Helps until the frame is done; all results are then written. The handle is spent. `stats` may be null.
+// `changed`: the build is NUSSELT_CHECKED, and positions or normals are not those that were submitted; the
+// frame is over all the same, with results of neither pose.
 Status wait(Context* context, FrameId frame, FrameStats* stats);
 
 } // namespace nusselt

@@ -26,6 +26,7 @@
 #include "nusselt/frame.h"
 #include "nusselt/lighting.h"
 #include "nusselt/mesh.h"
+#include "nusselt/profiler.h"
 #include "nusselt/status.h"
 #include "nusselt/version.h"
 #include "nusselt/views.h"

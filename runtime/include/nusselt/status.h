@@ -11,7 +11,8 @@ enum class StatusCode : uint32_t {
     out_of_memory,    // the allocator returned null; nothing was changed
     stale_handle,     // the handle's object is gone, or belongs to another context
     busy,             // the object is in use by a frame in flight
-    unsupported,      // a feature or instruction set that this build or machine lacks
+    unsupported,      // a feature, version or instruction set that this build or machine lacks
+    changed,          // a borrowed array was written while a frame read it (NUSSELT_CHECKED builds only)
 };
 
 // `text` is a static string that names the consequence and the cure; never null, valid for ever.
