@@ -191,6 +191,14 @@ void add_samples(const Builder& b, LevelSamples& samples) {
             samples.vertex.push_back(p);
             samples.corner.insert(samples.corner.end(), corner, corner + 3);
             samples.weight.insert(samples.weight.end(), {weight.x, weight.y, weight.z});
+            const Vec3d nearest = at(corner[0]) * double(weight.x) + at(corner[1]) * double(weight.y) +
+                                  at(corner[2]) * double(weight.z);
+            const Vec3d away = at(p) - nearest;
+            const Vec3d normal = cross(at(corner[1]) - at(corner[0]), at(corner[2]) - at(corner[0]));
+            const double square = dot(away, away), across = dot(away, normal);
+            const double along =
+                square * dot(normal, normal) > 0 ? 1 - across * across / (square * dot(normal, normal)) : 0.0;
+            samples.tangential.push_back(static_cast<float>(std::clamp(along, 0.0, 1.0)));
         }
     }
 }

@@ -57,12 +57,16 @@ struct Clusters {
 struct LevelSamples {
     explicit LevelSamples(const Allocator& a)
         : begin(HostAllocator<uint32_t>(a)), vertex(HostAllocator<uint32_t>(a)),
-          corner(HostAllocator<uint32_t>(a)), weight(HostAllocator<float>(a)) {}
+          corner(HostAllocator<uint32_t>(a)), weight(HostAllocator<float>(a)),
+          tangential(HostAllocator<float>(a)) {}
 
     Vector<uint32_t> begin;  // one a level plus an end; level 0 has none
     Vector<uint32_t> vertex; // welded
     Vector<uint32_t> corner; // 3 a sample, welded: a triangle of the level
     Vector<float> weight;    // 3 a sample: of the corners, summing to 1
+    // Of the squared distance in the rest pose, the part along the triangle: 0 for a point over its inside,
+    // which may slide along the surface as the mesh bends without lying farther from it; 1 for one beside it.
+    Vector<float> tangential;
 };
 
 inline uint32_t level_count(const LevelSamples& samples) {

@@ -148,6 +148,27 @@ float refit_cone(const float* bounds, uint32_t triangles, float axis[3]) {
     return least > 0 ? least : -1.0f;
 }
 
+// The squared distance of a sample's vertex from its point of the level: all of what lies across the
+// triangle, and of what lies along it the part that did so in the rest pose.
+float sample_distance(const float* points, const LevelSamples& samples, uint32_t i) {
+    const float* p = points + 4 * size_t(samples.vertex[i]);
+    const float* corner[3];
+    for (uint32_t k = 0; k < 3; ++k)
+        corner[k] = points + 4 * size_t(samples.corner[3 * size_t(i) + k]);
+    const float* weight = samples.weight.data() + 3 * size_t(i);
+    float away[3], u[3], v[3];
+    for (uint32_t k = 0; k < 3; ++k) {
+        away[k] = p[k] - (weight[0] * corner[0][k] + weight[1] * corner[1][k] + weight[2] * corner[2][k]);
+        u[k] = corner[1][k] - corner[0][k];
+        v[k] = corner[2][k] - corner[0][k];
+    }
+    const float x = u[1] * v[2] - u[2] * v[1], y = u[2] * v[0] - u[0] * v[2], z = u[0] * v[1] - u[1] * v[0];
+    const float square = away[0] * away[0] + away[1] * away[1] + away[2] * away[2];
+    const float area = x * x + y * y + z * z, height = away[0] * x + away[1] * y + away[2] * z;
+    const float across = area > 0 ? std::min(height * height / area, square) : square;
+    return across + samples.tangential[i] * (square - across);
+}
+
 } // namespace
 
 void measure_extents(void* context, uint32_t begin, uint32_t end, uint32_t) {
@@ -226,15 +247,7 @@ void measure_levels(void* context, uint32_t begin, uint32_t end, uint32_t) {
         const SampleRange range = samples_of_chunk(samples, chunk - slice.first_sample_chunk);
         float sum = 0;
         for (uint32_t i = range.begin; i < range.end; ++i) {
-            const float* p = points + 4 * size_t(samples.vertex[i]);
-            const float* weight = samples.weight.data() + 3 * size_t(i);
-            float square = 0;
-            for (uint32_t k = 0; k < 3; ++k) {
-                float d = p[k];
-                for (uint32_t corner = 0; corner < 3; ++corner)
-                    d -= weight[corner] * points[4 * size_t(samples.corner[3 * size_t(i) + corner]) + k];
-                square += d * d;
-            }
+            const float square = sample_distance(points, samples, i);
             sum += is_finite(square) ? square : 0;
         }
         frame.sample_error[chunk] = sum;
