@@ -4,9 +4,10 @@
 usage: bench/compare.py BEFORE.json AFTER.json [--threshold PERCENT]
 
 A benchmark counts as changed where its time moved by more than the threshold and by more than three times the
-noise. With --benchmark_repetitions the noise is each file's own (median and median absolute deviation of the
-repetitions); without, it is guessed from all benchmarks of the two files: most don't change from one run to the
-next, so the median of what they moved by is noise. Exit code: 0 nothing slower, 1 something slower, 2 usage.
+noise. The noise is the larger of two: that of the repetitions (--benchmark_repetitions; median absolute deviation),
+and how far the benchmarks of the two files moved apart from each other: most of them don't change from one run to
+the next, but a shared machine does, and repetitions within one run don't see it. What all of them moved by together
+is told apart. Exit code: 0 nothing slower, 1 something slower, 2 usage.
 """
 import argparse
 import json
@@ -64,11 +65,12 @@ def main():
 
     names = [name for name in before if name in after]
     moved = {name: math.log(statistics.median(after[name]) / statistics.median(before[name])) for name in names}
-    common = 1.4826 * statistics.median(abs(m) for m in moved.values()) if moved else 0
+    together = statistics.median(moved.values()) if moved else 0
+    common = 1.4826 * statistics.median(abs(m - together) for m in moved.values()) if moved else 0
     changed = []
     for name in names:
         own = [spread(before[name]), spread(after[name])]
-        noise = common if None in own else math.hypot(*own)
+        noise = common if None in own else max(common, math.hypot(*own))
         limit = max(3 * noise, math.log1p(arguments.threshold / 100))
         if abs(moved[name]) > limit:
             changed.append((moved[name], name, limit))
@@ -85,7 +87,8 @@ def main():
         print(f"only in {'the first' if name in before else 'the second'}: {name}")
     slower = sum(move > 0 for move, _, _ in changed)
     print(f"{len(names)} compared: {len(changed) - slower} faster, {slower} slower, "
-          f"{len(names) - len(changed)} within the noise (all: {100 * math.expm1(common):.1f} %)")
+          f"{len(names) - len(changed)} within the noise; all together {100 * math.expm1(together):+.1f} %, "
+          f"apart {100 * math.expm1(common):.1f} %")
     return 1 if slower else 0
 
 

@@ -92,8 +92,8 @@ void Gatherer::add(uint32_t frame, const std::vector<float>& ours, const std::ve
         absolute_.push_back(std::sqrt(difference) / open);
         const double seen = seen_part(b);
         ambient_.push_back(std::abs(seen_part(a) - seen));
-        for (size_t k = 0; k < lights_->size(); ++k) {
-            const Light& light = (*lights_)[k];
+        for (size_t k = 0; k < lights_.size(); ++k) {
+            const Light& light = lights_[k];
             const double truth = luminance_of(light, b), miss = luminance_of(light, a) - truth;
             light_sums_[k].difference += miss * miss;
             light_sums_[k].reference += truth * truth;
@@ -156,7 +156,7 @@ Histogram Gatherer::histogram(bool clear) const {
 
 std::vector<RadianceError> Gatherer::radiance() const {
     std::vector<RadianceError> errors;
-    for (size_t k = 0; k < lights_->size(); ++k) {
+    for (size_t k = 0; k < lights_.size(); ++k) {
         const LightSum& sum = light_sums_[k];
         // The brightest that an unshadowed vertex gets, over normals.
         double brightest = 0;
@@ -166,7 +166,7 @@ std::vector<RadianceError> Gatherer::radiance() const {
             float narrow[25];
             open_transfer(r * std::cos(p), r * std::sin(p), z, open);
             std::copy(open, open + 25, narrow);
-            brightest = std::max(brightest, luminance_of((*lights_)[k], narrow));
+            brightest = std::max(brightest, luminance_of(lights_[k], narrow));
         }
         errors.push_back({sum.reference > 0 ? std::sqrt(sum.difference / sum.reference) : 0,
                           brightest > 0 ? sum.max / brightest : 0});

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace nusselt::tools {
@@ -54,7 +55,7 @@ struct Worst {
 // Gathers receivers of all frames.
 class Gatherer {
 public:
-    explicit Gatherer(const std::vector<Light>& lights) : lights_(&lights), light_sums_(lights.size()) {}
+    explicit Gatherer(std::vector<Light> lights) : lights_(std::move(lights)), light_sums_(lights_.size()) {}
 
     // Transfer vectors of 25 floats a vertex. `receivers`: the vertices that have a reference.
     void add(uint32_t frame, const std::vector<float>& ours, const std::vector<float>& reference,
@@ -85,7 +86,7 @@ private:
     };
     static ErrorFigures figures(const Set& set);
 
-    const std::vector<Light>* lights_;
+    std::vector<Light> lights_;
     Set all_, clear_;
     std::vector<double> absolute_, ambient_, change_;
     std::vector<LightSum> light_sums_;

@@ -1,11 +1,296 @@
 #include "tools/compare/report.h"
 
+#include "tools/report/base64.h"
+
 #include <nlohmann/json.hpp>
+
+#include <string>
+#include <string_view>
 
 namespace nusselt::tools {
 
+extern const char* const chart_js; // third_party/chartjs
+
+namespace {
+
+constexpr const char* head = R"page(<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>nusselt: run time against error</title>
+<style>
+:root { color-scheme: light; --ink: #1c2127; --soft: #5d6873; --line: #dde2e7; --ground: #f5f6f7; --card: #fff; }
+* { box-sizing: border-box; }
+body { margin: 0; font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--ground); }
+main { max-width: 1240px; margin: 0 auto; padding: 28px 20px 60px; }
+h1 { font-size: 26px; margin: 0 0 4px; }
+h2 { font-size: 20px; margin: 0; }
+h3 { font-size: 14px; margin: 0 0 8px; color: var(--soft); font-weight: 600; }
+p { max-width: 78ch; }
+.soft { color: var(--soft); }
+.card { background: var(--card); border: 1px solid var(--line); border-radius: 8px; padding: 18px; margin: 18px 0; }
+.head { display: flex; flex-wrap: wrap; gap: 6px 20px; align-items: baseline; margin-bottom: 12px; }
+.row { display: grid; grid-template-columns: repeat(auto-fit, minmax(360px, 1fr)); gap: 22px; margin-top: 18px; }
+.plot { position: relative; height: 300px; }
+.plot.tall { height: 460px; }
+select { font: inherit; padding: 2px 6px; }
+.scroll { overflow-x: auto; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: 13px; white-space: nowrap; }
+th, td { padding: 3px 9px; text-align: right; border-bottom: 1px solid var(--line); }
+th:first-child, td:first-child { text-align: left; }
+tr.ours td:first-child { font-weight: 600; }
+td.noise { color: var(--soft); }
+figure { margin: 0; }
+figure img { width: 100%; height: auto; border: 1px solid var(--line); border-radius: 6px; }
+figcaption { font-size: 13px; color: var(--soft); }
+.warning { border-left: 4px solid #c77700; padding: 4px 12px; background: #fff6e6; }
+.scale { display: inline-block; width: 220px; height: 12px; border-radius: 3px; vertical-align: middle;
+  background: linear-gradient(90deg, rgb(39,80,160), rgb(64,194,194), rgb(249,225,64), rgb(237,39,39)); }
+</style>
+</head>
+<body>
+<main>
+<h1>Run time against error</h1>
+<p class="soft" id="machine"></p>
+<div id="warnings"></div>
+<p>Down and to the left is better. Each point is one way to get the same thing: 25 transfer coefficients a vertex, this
+frame. The line is Embree, at different numbers of rays: refitted BVH, coherent 4x4 packets on the mask's own grid,
+cell-integrated weights. Rings mark the Pareto front. Errors are told against a reference of many more rays; what lies under
+its own noise isn't a finding. <em>Clear</em> receivers see at least a tenth of the sky and don't touch another surface; where
+surfaces touch, the truth itself flips.</p>
+<div class="card"><div class="head"><h2>All scenes</h2></div><div class="row" id="overview"></div>
+<div class="scroll"><table id="paper"></table></div></div>
+<div id="scenes"></div>
+</main>
+<script>)page";
+
+constexpr const char* middle = R"page(</script>
+<script id="report" type="application/json">)page";
+
+constexpr const char* tail = R"page(</script>
+<script>
+"use strict";
+const report = JSON.parse(document.getElementById("report").textContent);
+const make = (name, parent, text, kind) => {
+  const made = document.createElement(name);
+  if (text !== undefined) made.textContent = text;
+  if (kind) made.className = kind;
+  if (parent) parent.appendChild(made);
+  return made;
+};
+const colors = { paper: "#8a6d3b", draft: "#2f9e44", standard: "#1c7ed6", fine: "#9c36b5" };
+const gray = "#6b7680";
+Chart.defaults.animation = false;
+Chart.defaults.maintainAspectRatio = false;
+Chart.defaults.font.family = "system-ui, sans-serif";
+// For tests: how many plots there should be, and how many have drawn themselves.
+window.plots = { expected: 0, drawn: 0 };
+const drawn = { id: "drawn", afterRender(chart) { if (!chart.counted) { chart.counted = true; ++window.plots.drawn; } } };
+// Names beside points, and rings around the front.
+const labels = { id: "labels", afterDatasetsDraw(chart) {
+  const c = chart.ctx;
+  c.save();
+  c.font = "12px system-ui, sans-serif";
+  chart.data.datasets.forEach((set, k) => {
+    if (!set.named || !chart.isDatasetVisible(k)) return;
+    chart.getDatasetMeta(k).data.forEach((at, j) => {
+      const point = set.data[j];
+      c.fillStyle = set.borderColor;
+      c.textAlign = set.besideLeft ? "right" : "left";
+      c.fillText(point.label, at.x + (set.besideLeft ? -9 : 9), at.y + 4);
+      if (point.front) {
+        c.strokeStyle = set.borderColor;
+        c.lineWidth = 1.5;
+        c.beginPath();
+        c.arc(at.x, at.y, 8, 0, 2 * Math.PI);
+        c.stroke();
+      }
+    });
+  });
+  c.restore();
+} };
+Chart.register(drawn, labels);
+const plot = (parent, title, config, tall) => {
+  ++window.plots.expected;
+  const box = make("div", parent);
+  make("h3", box, title);
+  const holder = make("div", box, undefined, tall ? "plot tall" : "plot");
+  return new Chart(make("canvas", holder), config);
+};
+const decade = value => {
+  const rounded = Math.log10(value);
+  const lead = value / Math.pow(10, Math.floor(rounded + 1e-9));
+  return [1, 2, 5].some(n => Math.abs(lead - n) < 1e-6) ? String(Number(value.toPrecision(2))) : "";
+};
+const log = title => ({ type: "logarithmic", title: { display: true, text: title }, ticks: { callback: decade } });
+const linear = title => ({ type: "linear", beginAtZero: true, title: { display: true, text: title } });
+const known = value => value < 1e299;
+const percent = value => known(value) ? (100 * value).toFixed(value < 0.001 ? 3 : 2) : "\u221e";
+
+document.getElementById("machine").textContent = report.machine.processor + " (" + report.machine.hardware_threads +
+  " threads); " + report.build.configuration + "; revision " + report.build.revision + "; " + report.settings.threads +
+  (report.settings.threads === 1 ? " thread" : " threads") + " for every entry; nusselt " + report.settings.command;
+if (!report.complete) make("p", document.getElementById("warnings"), "This run was cut short: it holds what was done by then.", "warning");
+
+const metrics = {
+  "mean error, clear": e => e.error.clear.mean, "p99 error, clear": e => e.error.clear.p99, "worst, clear": e => e.error.clear.max,
+  "pooled error, clear": e => e.error.clear.pooled, "mean error, all": e => e.error.all.mean, "p99 error, all": e => e.error.all.p99,
+  "worst, all": e => e.error.all.max, "absolute error, mean": e => e.absolute.mean, "ambient occlusion, mean": e => e.ambient_occlusion.mean,
+  "temporal, mean": e => e.temporal.mean };
+for (const light of Object.keys(report.scenes.length ? report.scenes[0].entries[0]?.radiance ?? {} : {}))
+  metrics["radiance under " + light + ", rms"] = e => e.radiance[light].relative_rms;
+
+const front = (entries, metric) => entries.filter(e => !entries.some(o => o !== e &&
+  metric(o) <= metric(e) && o.us_per_vertex.min <= e.us_per_vertex.min && (metric(o) < metric(e) || o.us_per_vertex.min < e.us_per_vertex.min)));
+
+const curve = (scene, metric) => {
+  const usable = e => e.us_per_vertex && e.us_per_vertex.min > 0 && metric(e) > 0 && known(metric(e));
+  const timed = scene.entries.filter(usable);
+  const best = new Set(front(timed, metric).map(e => e.name));
+  const point = e => ({ x: e.us_per_vertex.min, y: 100 * metric(e), label: e.name.replace("embree ", ""), front: best.has(e.name) });
+  const of = kind => timed.filter(e => e.kind === kind);
+  const sets = [{ label: "Embree, rays a vertex", data: of("peer").map(point), showLine: true, borderColor: gray, backgroundColor: gray,
+    pointRadius: 3, borderWidth: 1.5, named: true }];
+  for (const e of of("ours")) sets.push({ label: e.name, data: [point(e)], borderColor: colors[e.name], backgroundColor: colors[e.name],
+    pointRadius: 5, named: true, besideLeft: true });
+  for (const e of of("naive")) sets.push({ label: e.name + " (one ray at a time)", data: [point(e)], borderColor: "#b08", backgroundColor: "#b08",
+    pointRadius: 4, pointStyle: "triangle", named: true });
+  const xs = timed.map(e => e.us_per_vertex.min), range = [Math.min(...xs) / 1.5, Math.max(...xs) * 1.5];
+  for (const e of scene.entries.filter(e => e.kind === "floor" && metric(e) > 0)) sets.push({ label: e.name, hidden: !/^floor (1024|4096)$/.test(e.name),
+    data: range.map(x => ({ x, y: 100 * metric(e) })), showLine: true, borderDash: [3, 4], borderWidth: 1, borderColor: "#c98", backgroundColor: "#c98", pointRadius: 0 });
+  return sets;
+};
+
+for (const scene of report.scenes) {
+  const card = make("section", document.getElementById("scenes"), undefined, "card");
+  const top = make("div", card, undefined, "head");
+  make("h2", top, scene.name);
+  make("span", top, scene.vertices + " vertices, " + scene.triangles + " triangles, " + scene.receivers + " receivers; " + scene.times.length +
+    (scene.times.length === 1 ? " moment x " : " moments x ") + scene.repeats + " rounds; " + scene.isa + "; reference " + scene.reference.rays + " rays at " + scene.reference.receivers_per_frame +
+    " receivers a frame, noise " + percent(scene.reference.noise.all.mean) + " % (clear " + percent(scene.reference.noise.clear.mean) + " %); " +
+    scene.reference.clear + " of " + scene.reference.counted + " clear, " + scene.reference.dark + " see under 1 %", "soft");
+  for (const note of scene.notes) make("p", card, note, "warning");
+  const choice = make("select", card);
+  choice.setAttribute("aria-label", scene.name + ": figure");
+  for (const name of Object.keys(metrics)) make("option", choice, name);
+  const main = plot(card, "Run time against error", { type: "scatter", data: { datasets: curve(scene, metrics["mean error, clear"]) },
+    options: { scales: { x: log("CPU microseconds a vertex"), y: log("error, %") }, plugins: { legend: { position: "bottom" },
+      tooltip: { callbacks: { label: c => (c.raw.label ?? c.dataset.label) + ": " + c.parsed.x.toPrecision(3) + " us, " + c.parsed.y.toPrecision(3) + " %" } } } } }, true);
+  choice.onchange = () => { main.data.datasets = curve(scene, metrics[choice.value]); main.update(); };
+
+  const row = make("div", card, undefined, "row");
+  const ours = scene.entries.filter(e => e.work);
+  const stages = ["refit", "cull", "transform", "raster", "integrate", "rotate"], hues = ["#868e96", "#f59f00", "#4dabf7", "#e8590c", "#37b24d", "#ae3ec9"];
+  const theirs = report.paper.find(p => p.name === scene.name);
+  const names = ours.map(e => e.name).concat(theirs ? ["published 2004"] : []);
+  plot(row, "Where the time goes, %", { type: "bar", data: { labels: names, datasets: stages.map((stage, k) => ({ label: stage, backgroundColor: hues[k],
+    data: ours.map(e => 100 * e.work.stages[stage]).concat(theirs ? [100 * (theirs.stages[stage] ?? 0)] : []) })).concat(theirs ? [{ label: "other (published)",
+    backgroundColor: "#ced4da", data: ours.map(() => 0).concat([100 * theirs.stages.other]) }] : []) },
+    options: { indexAxis: "y", scales: { x: { stacked: true, max: 100 }, y: { stacked: true } }, plugins: { legend: { position: "bottom" } } } });
+  const bins = report.histogram, place = k => Math.pow(10, bins.low_decade + (k + 0.5) / bins.bins_per_decade);
+  plot(row, "How the errors are spread, clear receivers", { type: "line", data: { datasets: scene.entries.filter(e => e.kind === "ours" || e.name === "embree 1024").map(e => {
+    const all = e.histogram.clear.reduce((a, b) => a + b, 0) || 1, color = colors[e.name] ?? gray;
+    return { label: e.name, borderColor: color, backgroundColor: color, pointRadius: 0, borderWidth: 1.5, tension: 0.2,
+      data: e.histogram.clear.map((n, k) => ({ x: 100 * place(k), y: 100 * n / all })) };
+  }) }, options: { scales: { x: log("relative error, %"), y: linear("receivers, %") }, plugins: { legend: { position: "bottom" } } } });
+  if (scene.scaling.length) {
+    const kinds = [...new Set(scene.scaling.map(s => s.entry))], most = Math.max(...scene.scaling.map(s => s.threads));
+    plot(row, "Scaling over threads", { type: "line", data: { datasets: kinds.map(kind => {
+      const points = scene.scaling.filter(s => s.entry === kind), color = colors[kind] ?? gray;
+      return { label: kind, borderColor: color, backgroundColor: color, data: points.map(s => ({ x: s.threads, y: points[0].frame_ms.min / s.frame_ms.min })) };
+    }).concat([{ label: "ideal", borderColor: "#ccc", backgroundColor: "#ccc", borderDash: [4, 4], pointRadius: 0, data: [{ x: 1, y: 1 }, { x: most, y: most }] }]) },
+      options: { scales: { x: { type: "linear", min: 1, max: Math.max(most, 2), ticks: { stepSize: 1 }, title: { display: true, text: "threads" } }, y: linear("times as fast as one") },
+        plugins: { legend: { position: "bottom" } } } });
+  }
+  if (scene.shots.length) {
+    const shots = make("div", card, undefined, "row");
+    for (const shot of scene.shots) {
+      const figure = make("figure", shots), image = make("img", figure);
+      image.src = "data:image/jpeg;base64," + shot.image;
+      image.alt = scene.name + ", error of " + shot.title;
+      make("figcaption", figure, shot.title + ": relative error of each vertex, frame of the worst one");
+    }
+    const key = make("p", card, "0.1 % ", "soft");
+    make("span", key, undefined, "scale");
+    key.append(" 100 % and more; paler: not clear; dark grey: sees under 1 %; grey: no reference");
+  }
+  const wrap = make("div", card, undefined, "scroll"), table = make("table", wrap);
+  table.style.marginTop = "18px";
+  const headings = make("tr", make("thead", table));
+  for (const text of ["", "us a vertex", "median", "ms a frame", "frames/s", "clear: mean %", "median", "p95", "p99", "max", "pooled", "all: mean %", "p99", "max",
+    "absolute %", "AO %", "temporal %", "Embree takes (clear)", "triangles a vertex"]) make("th", headings, text);
+  for (const light of Object.keys(scene.entries[0]?.radiance ?? {})) make("th", headings, light + " %");
+  const body = make("tbody", table);
+  for (const e of scene.entries) {
+    const line = make("tr", body, undefined, e.kind), c = e.error.clear, a = e.error.all;
+    make("td", line, e.name);
+    for (const text of e.us_per_vertex ? [e.us_per_vertex.min.toFixed(3), e.us_per_vertex.median.toFixed(3), e.frame_ms.median.toFixed(2), e.fps.toFixed(0)] : ["", "", "", ""])
+      make("td", line, text);
+    make("td", line, c.below_noise ? "<" + percent(scene.reference.noise.clear.mean) : percent(c.mean), c.below_noise ? "noise" : "");
+    for (const value of [c.median, c.p95, c.p99, c.max, c.pooled]) make("td", line, percent(value));
+    make("td", line, a.below_noise ? "<" + percent(scene.reference.noise.all.mean) : percent(a.mean), a.below_noise ? "noise" : "");
+    for (const value of [a.p99, a.max, e.absolute.mean, e.ambient_occlusion.mean]) make("td", line, percent(value));
+    make("td", line, e.temporal.below_noise ? "noise" : percent(e.temporal.mean), e.temporal.below_noise ? "noise" : "");
+    const mark = e.equal_error ? { "inside": "", "error smaller than the curve's": "\u2265 ", "error larger than the curve's": "\u2264 " }[e.equal_error.clear.place] : "";
+    make("td", line, e.kind === "ours" ? mark + e.equal_error.clear.speedup.toFixed(1) + " x" : "");
+    make("td", line, e.work ? e.work.per_receiver.triangles_rasterized.toFixed(1) : "");
+    for (const light of Object.values(e.radiance)) make("td", line, percent(light.relative_rms));
+  }
+  make("p", card, "Memory: meshes " + (scene.memory.mesh_bytes / 1e6).toFixed(1) + " MB, whole context " + (scene.memory.context_bytes / 1e6).toFixed(1) +
+    " MB, Embree " + (scene.memory.peer_bytes / 1e6).toFixed(1) + " MB. Adding the meshes took " + scene.add_mesh_ms.toFixed(0) + " ms. Embree's BVH: built in " +
+    scene.peer.build_ms.toFixed(2) + " ms, refitted in " + scene.peer.refit_ms.toFixed(2) + " ms a frame.", "soft");
+}
+
+const overview = document.getElementById("overview");
+const sized = (title, x, label, y, unit) => plot(overview, title, { type: "scatter", data: { datasets: Object.keys(colors).map(name => ({ label: name, showLine: true,
+  borderColor: colors[name], backgroundColor: colors[name], pointRadius: 4, data: report.scenes.map(s => ({ s, e: s.entries.find(e => e.name === name) }))
+    .filter(p => p.e && p.e.us_per_vertex && p.e.us_per_vertex.min > 0).map(p => ({ x: p.s[x], y: y(p.e), label: p.s.name })).sort((a, b) => a.x - b.x) })).filter(set => set.data.length) },
+  options: { scales: { x: log(label), y: log(unit) }, plugins: { legend: { position: "bottom" }, tooltip: { callbacks: { label: c => c.raw.label + ", " + c.dataset.label + ": " + c.parsed.y.toPrecision(3) } } } } });
+sized("Cost against vertices", "vertices", "vertices", e => e.frame_ms.min, "ms a frame");
+sized("Cost against triangles", "triangles", "triangles", e => e.us_per_vertex.min, "CPU microseconds a vertex");
+const pairs = report.scenes.map(s => ({ s, p: report.paper.find(p => p.name === s.name), e: s.entries.find(e => e.name === "paper") })).filter(x => x.p && x.e && x.e.work);
+if (pairs.length) {
+  const table = document.getElementById("paper"), cells = (name, values) => { const line = make("tr", table); make("td", line, name); for (const v of values) make("td", line, v); };
+  const line = make("tr", table);
+  for (const text of ["Tables 1 and 2 of the paper | quality paper"].concat(pairs.map(x => x.s.name))) make("th", line, text);
+  const both = (name, a, b) => cells(name, pairs.map(x => a(x) + " | " + b(x)));
+  both("vertices", x => x.p.vertices, x => x.s.vertices);
+  both("triangles", x => x.p.triangles, x => x.s.triangles);
+  both("triangles rasterised a vertex", x => x.p.triangles_rasterized.toFixed(1), x => x.e.work.per_receiver.triangles_rasterized.toFixed(1));
+  both("frames a second", x => x.p.fps.toFixed(1), x => x.e.fps.toFixed(0));
+  both("mean L2 error, %", x => percent(x.p.error), x => percent(x.e.error.all.mean));
+  const share = (e, names) => names.reduce((sum, name) => sum + e.work.stages[name], 0);
+  both("rasterization, %", x => percent(x.p.stages.raster), x => percent(share(x.e, ["raster"])));
+  both("integration, %", x => percent(x.p.stages.integrate), x => percent(share(x.e, ["integrate"])));
+  both("transform and culling, %", x => percent(x.p.stages.transform), x => percent(share(x.e, ["transform", "cull"])));
+  both("other, %", x => percent(x.p.stages.other), x => percent(share(x.e, ["rotate", "refit"])));
+}
+</script>
+</body>
+</html>
+)page";
+
+// Inside a script element a closing tag would end it.
+std::string for_script(std::string text) {
+    for (size_t at = text.find("</"); at != std::string::npos; at = text.find("</", at))
+        text.replace(at, 2, "<\\/");
+    return text;
+}
+
+} // namespace
+
 std::string report_page(const Comparison& comparison) {
-    return "<!doctype html><pre>" + terminal_table(comparison) + "</pre>";
+    nlohmann::ordered_json json = report_json(comparison);
+    for (size_t k = 0; k < comparison.scenes.size(); ++k) {
+        auto& shots = json["scenes"][k]["shots"] = nlohmann::ordered_json::array();
+        for (const Shot& shot : comparison.scenes[k].shots)
+            shots.push_back({{"title", shot.title}, {"image", base64(encode_jpeg(shot.picture, 90))}});
+    }
+    // The map that it names isn't there.
+    std::string_view library = chart_js;
+    library = library.substr(0, library.rfind("//# sourceMappingURL"));
+    return std::string(head).append(library).append(middle).append(for_script(json.dump())).append(tail);
 }
 
 } // namespace nusselt::tools

@@ -29,7 +29,7 @@ struct RTCGeometryTy;
 namespace nusselt::tools {
 
 // Of the scene's diagonal. Chosen by measured error, docs/compare.md.
-constexpr double peer_lift = 2e-5;
+constexpr double peer_lift = 5e-6;
 
 enum class PeerLoop {
     packets, // 4x4 coherent packets
