@@ -270,7 +270,9 @@ void fan_jobs(const Batch& batch, const float corners[2][3][lanes], uint32_t act
         corner[2][lane] = {0, 0, -1};
         if (!(a.z > 0 || b.z > 0)) continue;
         const bool behind = a.x * b.y - a.y * b.x < 0; // the arc runs clockwise
-        const Vec normals[3] = {cross(a, b), {-b.y, b.x, 0}, {a.y, -a.x, 0}};
+        // -0: neighbours along the arc look up the same cell for the plane that they share, and leave no
+        // crack.
+        const Vec normals[3] = {cross(a, b), {-b.y, b.x, 0}, {a.y, -a.x, -0.0f}};
         bool valid = true;
         for (uint32_t k = 0; k < 3; ++k) {
             const uint32_t e = plane_entry(layout, normals[k]);

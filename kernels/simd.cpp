@@ -503,7 +503,8 @@ void fan_jobs(const Batch& batch, const float corners[2][3][lanes], uint32_t act
         const M above = hn::Or(hn::Gt(a.z, zero), hn::Gt(b.z, zero));
         const M drawn = hn::And(above, mask_of(active >> lane & chunk_bits));
         if (!bits_of(drawn)) continue;
-        const Vec3 normal[3] = {cross(a, b), Vec3{hn::Neg(b.y), b.x, zero}, Vec3{a.y, hn::Neg(a.x), zero}};
+        const Vec3 normal[3] = {cross(a, b), Vec3{hn::Neg(b.y), b.x, zero},
+                                Vec3{a.y, hn::Neg(a.x), hn::Neg(zero)}};
         free_jobs(layout, corner, normal, hn::Lt(normal[0].z, zero), drawn, lane, jobs,
                   counters.fan_triangles);
     }
