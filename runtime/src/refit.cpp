@@ -287,10 +287,9 @@ void choose_bands(void* context, uint32_t begin, uint32_t end, uint32_t) {
             float farthest = from[level + 1];
             // Up to where each triangle over this cluster surely is taken: as far as its nearest corner, and
             // across it.
-            for (uint32_t k = clusters.two_sided[i] && level + 1 < levels ? clusters.cover_begin[i] : 0,
-                          end = clusters.two_sided[i] && level + 1 < levels ? clusters.cover_begin[i + 1] : 0;
-                 k < end; ++k) {
-                const uint32_t over = clusters.covers[k];
+            const bool covered = clusters.two_sided[i] && level + 1 < levels;
+            for (uint32_t k = 0; covered && k < clusters.cover_begin[i + 1] - clusters.cover_begin[i]; ++k) {
+                const uint32_t over = clusters.covers[clusters.cover_begin[i] + k];
                 const float taken = frame.nearest.data()[slice.first_cluster + over] + 2 * radius(over);
                 farthest = std::max(farthest, taken + radius(i));
             }
