@@ -1,0 +1,169 @@
+#include "tests/runtime/fixture.h"
+
+#include <bit>
+#include <cmath>
+#include <cstring>
+
+#include <glm/geometric.hpp>
+
+namespace nusselt::test {
+
+Engine::Engine(const ContextDesc& desc) {
+    const Status status = create_context(desc, &context);
+    EXPECT_TRUE(status.ok()) << status.text;
+}
+
+Engine::~Engine() {
+    const Status status = destroy_context(context);
+    EXPECT_TRUE(status.ok()) << status.text;
+}
+
+ContextDesc with_isa(Isa isa) {
+    ContextDesc desc;
+    desc.isa = isa;
+    return desc;
+}
+
+std::vector<Isa> available_isas() {
+    std::vector<Isa> all;
+    for (const Isa isa : {Isa::scalar, Isa::sse4, Isa::avx2, Isa::avx512}) {
+        if (isa_available(isa)) all.push_back(isa);
+    }
+    return all;
+}
+
+namespace {
+
+Vec3View view(const std::vector<glm::vec3>& v) {
+    return {v.empty() ? nullptr : &v[0].x, v.size(), sizeof(glm::vec3)};
+}
+
+} // namespace
+
+MeshId add(Context* context, const scenes::Mesh& mesh) {
+    MeshId id;
+    const Status status = add_mesh(
+        context,
+        {view(mesh.rest_positions), view(mesh.rest_normals), mesh.indices.data(), mesh.indices.size()}, &id);
+    EXPECT_TRUE(status.ok()) << status.text;
+    return id;
+}
+
+bool Output::operator==(const Output& other) const {
+    return transfer.size() == other.transfer.size() && masks == other.masks &&
+           std::memcmp(transfer.data(), other.transfer.data(), transfer.size() * 100) == 0;
+}
+
+Outputs run_frame(Context* context, const std::vector<Posed>& meshes, Quality quality) {
+    const uint32_t words = quality_mask_bits(quality) / 32;
+    Outputs out;
+    out.meshes.resize(meshes.size());
+    std::vector<FrameMesh> frame(meshes.size());
+    for (size_t i = 0; i < meshes.size(); ++i) {
+        const Posed& m = meshes[i];
+        Output& o = out.meshes[i];
+        frame[i].mesh = m.mesh;
+        frame[i].positions = view(m.positions);
+        frame[i].normals = view(m.normals);
+        if (!m.receives) continue;
+        // What isn't written shows: a word that no result has.
+        o.transfer.resize(m.positions.size());
+        for (auto& t : o.transfer)
+            t.fill(std::bit_cast<float>(0x7FABCDEFu));
+        o.masks.assign(m.positions.size() * words, 0xDEADBEEF);
+        frame[i].transfer = {o.transfer[0].data(), o.transfer.size(), 100};
+        frame[i].masks = {o.masks.data(), o.transfer.size(), size_t(words) * 4};
+    }
+    FrameId id;
+    const Status started = submit(context, {frame.data(), uint32_t(frame.size()), quality}, &id);
+    EXPECT_TRUE(started.ok()) << started.text;
+    if (!started.ok()) return out;
+    const Status done = wait(context, id, &out.stats);
+    EXPECT_TRUE(done.ok()) << done.text;
+    return out;
+}
+
+std::vector<MeshId> add_all(Context* context, const scenes::Scene& scene) {
+    std::vector<MeshId> ids;
+    for (const scenes::Mesh& mesh : scene.meshes)
+        ids.push_back(add(context, mesh));
+    return ids;
+}
+
+std::vector<Posed> posed(const scenes::Scene& scene, const std::vector<MeshId>& meshes, double time) {
+    scenes::Pose pose;
+    scene.pose(time, pose);
+    std::vector<Posed> out;
+    for (size_t i = 0; i < meshes.size(); ++i)
+        out.push_back({meshes[i], pose.positions[i], pose.normals[i]});
+    return out;
+}
+
+Outputs run_scene(Context* context, const scenes::Scene& scene, double time, Quality quality) {
+    const std::vector<MeshId> ids = add_all(context, scene);
+    Outputs out = run_frame(context, posed(scene, ids, time), quality);
+    for (const MeshId id : ids)
+        EXPECT_TRUE(remove_mesh(context, id).ok());
+    return out;
+}
+
+Posed at_rest(MeshId id, const scenes::Mesh& mesh) {
+    return {id, mesh.rest_positions, mesh.rest_normals};
+}
+
+Outputs run_at_rest(Context* context, const std::vector<scenes::Mesh>& meshes, Quality quality) {
+    std::vector<Posed> all;
+    for (const scenes::Mesh& mesh : meshes)
+        all.push_back(at_rest(add(context, mesh), mesh));
+    Outputs out = run_frame(context, all, quality);
+    for (const Posed& p : all)
+        EXPECT_TRUE(remove_mesh(context, p.mesh).ok());
+    return out;
+}
+
+scenes::Mesh points(const std::vector<glm::vec3>& positions, const std::vector<glm::vec3>& normals) {
+    return {"points", positions, normals, {}, {}};
+}
+
+scenes::Mesh soup(const std::vector<glm::vec3>& corners) {
+    scenes::Mesh mesh;
+    mesh.rest_positions = corners;
+    for (uint32_t i = 0; i < corners.size(); ++i)
+        mesh.indices.push_back(i);
+    scenes::compute_normals(mesh.rest_positions, mesh.indices, mesh.rest_normals);
+    return mesh;
+}
+
+uint32_t blocked_bits(const Output& output, size_t vertex, Quality quality) {
+    const uint32_t words = quality_mask_bits(quality) / 32;
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < words; ++i)
+        count += uint32_t(std::popcount(output.masks[vertex * words + i]));
+    return count;
+}
+
+glm::vec3 Random::direction() {
+    for (;;) {
+        const glm::vec3 d(between(-1, 1), between(-1, 1), between(-1, 1));
+        const float square = glm::dot(d, d);
+        if (square > 0.01f && square < 1) return d / std::sqrt(square);
+    }
+}
+
+uint64_t hash_bytes(const void* data, size_t size, uint64_t hash) {
+    const auto* bytes = static_cast<const unsigned char*>(data);
+    for (size_t i = 0; i < size; ++i)
+        hash = (hash ^ bytes[i]) * 0x100000001b3ull;
+    return hash;
+}
+
+uint64_t hash(const Outputs& outputs) {
+    uint64_t h = hash_bytes(nullptr, 0);
+    for (const Output& o : outputs.meshes) {
+        h = hash_bytes(o.transfer.data(), o.transfer.size() * 100, h);
+        h = hash_bytes(o.masks.data(), o.masks.size() * 4, h);
+    }
+    return h;
+}
+
+} // namespace nusselt::test

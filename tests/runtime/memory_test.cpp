@@ -1,0 +1,169 @@
+// The caller's allocator: every byte comes back, and no failure breaks anything.
+#include "tests/runtime/fixture.h"
+
+#include <cstdint>
+#include <cstdlib>
+#include <cstring>
+#include <map>
+#include <mutex>
+
+namespace nusselt::test {
+
+namespace {
+
+// Knows what is out, and fails the k-th request.
+struct Ledger {
+    std::map<void*, std::pair<size_t, size_t>> out;
+    uint64_t requests = 0, fail_at = UINT64_MAX;
+    std::string wrong;
+
+    Allocator hook() {
+        Allocator a;
+        a.user = this;
+        a.allocate = [](void* user, size_t size, size_t alignment) -> void* {
+            Ledger& ledger = *static_cast<Ledger*>(user);
+            if (alignment == 0 || alignment > 128 || (alignment & (alignment - 1)))
+                ledger.wrong += "alignment; ";
+            if (ledger.requests++ == ledger.fail_at) return nullptr;
+            void* memory =
+                std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment + alignment);
+            ledger.out[memory] = {size, alignment};
+            return memory;
+        };
+        a.release = [](void* user, void* memory, size_t size, size_t alignment) {
+            Ledger& ledger = *static_cast<Ledger*>(user);
+            const auto found = ledger.out.find(memory);
+            if (found == ledger.out.end()) {
+                ledger.wrong += "released what isn't out; ";
+                return;
+            }
+            if (found->second != std::pair(size, alignment)) ledger.wrong += "size or alignment differs; ";
+            ledger.out.erase(found);
+            std::free(memory);
+        };
+        return a;
+    }
+};
+
+TEST(Memory, EverythingComesFromTheAllocatorAndGoesBack) {
+    Ledger ledger;
+    ContextDesc desc;
+    desc.allocator = ledger.hook();
+    Context* context = nullptr;
+    ASSERT_TRUE(create_context(desc, &context).ok());
+    const scenes::Scene scene = scenes::builtin("chess");
+    const std::vector<MeshId> ids = add_all(context, scene);
+    run_frame(context, posed(scene, ids, 0.2));
+    const size_t held = ledger.out.size();
+    EXPECT_GT(held, 50u);
+    EXPECT_TRUE(remove_mesh(context, ids[0]).ok());
+    EXPECT_LT(ledger.out.size(), held); // at once
+    EXPECT_TRUE(destroy_context(context).ok());
+    EXPECT_TRUE(ledger.out.empty());
+    EXPECT_EQ(ledger.wrong, "");
+}
+
+TEST(Memory, NoRequestsInSteadyState) {
+    Ledger ledger;
+    ContextDesc desc;
+    desc.allocator = ledger.hook();
+    {
+        Engine engine(desc);
+        const scenes::Scene scene = scenes::builtin("fight");
+        const std::vector<MeshId> ids = add_all(engine.context, scene);
+        run_frame(engine.context, posed(scene, ids, 0));
+        const uint64_t before = ledger.requests;
+        for (int i = 1; i < 6; ++i)
+            run_frame(engine.context, posed(scene, ids, 0.2 * i));
+        EXPECT_EQ(ledger.requests, before);
+    }
+    EXPECT_EQ(ledger.wrong, "");
+}
+
+// Context, two meshes and a frame, with the k-th request refused, for every k; tried again each time.
+TEST(Memory, EveryFailureIsAnAnswerAndNothingMore) {
+    const scenes::Mesh torus = scenes::torus(1, 0.4f, 10, 6), floor = scenes::plane(3, 2);
+    Outputs expected;
+    {
+        Engine engine;
+        expected = run_at_rest(engine.context, {torus, floor});
+    }
+    uint64_t failures = 0;
+    bool reached_the_end = false;
+    for (uint64_t k = 0; !reached_the_end && k < 20000; ++k) {
+        Ledger ledger;
+        ledger.fail_at = k;
+        uint64_t refused = 0;
+        // Once more where there was no memory; nothing else may go wrong.
+        const auto twice = [&](auto&& call) {
+            Status status = call();
+            if (!status.ok()) {
+                EXPECT_EQ(status.code, StatusCode::out_of_memory) << k;
+                ++refused;
+                status = call();
+            }
+            EXPECT_TRUE(status.ok()) << k << " " << status.text;
+        };
+        ContextDesc desc;
+        desc.allocator = ledger.hook();
+        Context* context = nullptr;
+        twice([&] {
+            const Status s = create_context(desc, &context);
+            EXPECT_EQ(context != nullptr, s.ok());
+            return s;
+        });
+        ASSERT_NE(context, nullptr);
+        std::vector<MeshId> ids;
+        for (const scenes::Mesh* mesh : {&torus, &floor}) {
+            const size_t count = mesh->rest_positions.size();
+            MeshId id;
+            twice([&] {
+                const size_t out = ledger.out.size();
+                const Status s = add_mesh(context,
+                                          {{&mesh->rest_positions[0].x, count, 12},
+                                           {&mesh->rest_normals[0].x, count, 12},
+                                           mesh->indices.data(),
+                                           mesh->indices.size()},
+                                          &id);
+                if (!s.ok()) {
+                    EXPECT_LE(ledger.out.size(), out + 1) << k; // no more than the table of meshes
+                    EXPECT_EQ(id.generation, 0u);
+                }
+                return s;
+            });
+            ids.push_back(id);
+        }
+        std::vector<std::vector<float>> transfer;
+        std::vector<FrameMesh> frame;
+        for (const scenes::Mesh* mesh : {&torus, &floor}) {
+            const size_t count = mesh->rest_positions.size();
+            transfer.emplace_back(25 * count);
+            frame.push_back({ids[frame.size()],
+                             {&mesh->rest_positions[0].x, count, 12},
+                             {&mesh->rest_normals[0].x, count, 12},
+                             {transfer.back().data(), count, 100},
+                             {}});
+        }
+        FrameId id;
+        twice([&] { return submit(context, {frame.data(), 2, Quality::standard}, &id); });
+        EXPECT_TRUE(wait(context, id, nullptr).ok()) << k;
+        for (size_t m = 0; m < 2; ++m)
+            ASSERT_EQ(
+                std::memcmp(transfer[m].data(), expected.meshes[m].transfer.data(), 4 * transfer[m].size()),
+                0)
+                << k;
+        ASSERT_TRUE(destroy_context(context).ok());
+        ASSERT_TRUE(ledger.out.empty()) << k;
+        ASSERT_EQ(ledger.wrong, "") << k;
+        reached_the_end = ledger.requests <= k;
+        // None where the memory was a luxury (giving back what a vector holds too much).
+        ASSERT_LE(refused, reached_the_end ? 0u : 1u) << k;
+        failures += refused;
+    }
+    EXPECT_TRUE(reached_the_end);
+    EXPECT_GT(failures, 100u);
+}
+
+} // namespace
+
+} // namespace nusselt::test
