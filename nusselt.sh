@@ -4,7 +4,7 @@
 #   demo [ARGS]      install what is missing, build, render the built-in scenes into out/demo; ARGS go to `nusselt demo`
 #   test [ARGS]      install what is missing, build, run all tests; ARGS go to ctest (-R NAME, -L LABEL, -LE slow, ...)
 #   build [TARGETS]  build the preset; the program lies in build/release/bin
-#   bench [ARGS]     build and run the benchmarks; ARGS go to Google Benchmark (--benchmark_filter=..., ...)
+#   bench [ARGS]     build and run the benchmarks, results in out/bench; ARGS go to Google Benchmark (--benchmark_filter=...)
 #   install          install the packages that the build needs (third_party/install.sh)
 #   format           format all C++ files with clang-format 14
 #   check            fail where clang-format 14 would change a file or an include points the wrong way
@@ -93,8 +93,10 @@ case $command in
     bench)
         install
         build
+        mkdir -p out/bench
         for program in "build/$preset"/bin/bench_*; do
-            "$program" "$@"
+            # bench/compare.py compares two of these files.
+            "$program" --benchmark_out="out/bench/${program##*/}.json" --benchmark_out_format=json "$@"
         done
         ;;
     install) install ;;

@@ -301,7 +301,7 @@ std::vector<float> peer_of(const Assembly& all, const SampleGrid& grid, double l
 TEST(Planted, PeerAloneIsNearItsFloor) {
     const ErrorFigures error = bowl().error(peer_of(bowl().all, concentric_grid(64)));
     EXPECT_GT(error.each.count, 400u);
-    EXPECT_LT(error.each.mean, 0.008);
+    EXPECT_LT(error.each.mean, 0.012);
     EXPECT_LT(error.each.max, 0.2);
 }
 
