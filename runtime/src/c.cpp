@@ -1,0 +1,293 @@
+#include "nusselt/c.h"
+
+#include "context_data.h"
+#include "nusselt/nusselt.h"
+
+#include <algorithm>
+
+using namespace nusselt;
+
+namespace {
+
+static_assert(NUSSELT_C_VERSION == NUSSELT_VERSION);
+static_assert(NUSSELT_CHANGED == static_cast<uint32_t>(StatusCode::changed));
+static_assert(NUSSELT_ISA_AVX512 == static_cast<uint32_t>(Isa::avx512) + 1);
+static_assert(NUSSELT_QUALITY_FINE == static_cast<uint32_t>(Quality::fine) + 1);
+static_assert(sizeof(MeshInfo::level_triangles) == sizeof(nusselt_mesh_info::level_triangles));
+
+nusselt_status c_status(const Status& status) {
+    return {static_cast<uint32_t>(status.code), status.text};
+}
+
+nusselt_status bad(const char* text) {
+    return {NUSSELT_INVALID_ARGUMENT, text};
+}
+
+// Of a struct: its size in this header, and as the caller wrote it.
+nusselt_status check_size(size_t known, size_t given) {
+    if (given < known)
+        return bad(
+            "nothing done: the size of a struct is too small; set its member size to sizeof the struct");
+    if (given > known)
+        return {NUSSELT_UNSUPPORTED,
+                "nothing done: a struct is larger than this library knows; its header is "
+                "newer, so compile with this library's header, or install a newer library"};
+    return {NUSSELT_OK, "ok"};
+}
+
+Context* cpp(nusselt_context* context) {
+    return reinterpret_cast<Context*>(context);
+}
+const Context* cpp(const nusselt_context* context) {
+    return reinterpret_cast<const Context*>(context);
+}
+Vec3View cpp(const nusselt_vec3_view& v) {
+    return {v.data, v.count, v.stride ? v.stride : 12};
+}
+TransferView cpp(const nusselt_transfer_view& v) {
+    return {v.data, v.count, v.stride ? v.stride : 100};
+}
+MeshId cpp(nusselt_mesh mesh) {
+    return {mesh.slot, mesh.generation};
+}
+FrameId cpp(nusselt_frame frame) {
+    return {frame.slot, frame.generation};
+}
+MeshDesc cpp(const nusselt_mesh_desc& d) {
+    return {cpp(d.rest_positions), cpp(d.rest_normals), d.indices, d.index_count};
+}
+
+Isa isa_of(uint32_t isa) {
+    return isa == NUSSELT_ISA_BEST ? Isa::best : static_cast<Isa>(isa - 1);
+}
+Quality quality_of(uint32_t quality) {
+    return quality == NUSSELT_QUALITY_DEFAULT ? Quality::standard : static_cast<Quality>(quality - 1);
+}
+
+nusselt_executor c_executor(const Executor& e) {
+    return {e.user, e.enqueue, e.finish, e.concurrency};
+}
+Executor cpp(const nusselt_executor& e) {
+    return {e.user, e.enqueue, e.finish, e.concurrency};
+}
+
+constexpr uint32_t most_on_stack = 64;
+
+void convert(const nusselt_frame_desc& desc, FrameMesh* out) {
+    const size_t mask_stride = quality_mask_bits(quality_of(desc.quality)) / 8;
+    for (uint32_t i = 0; i < desc.mesh_count; ++i) {
+        const nusselt_frame_mesh& m = desc.meshes[i];
+        out[i] = {cpp(m.mesh),
+                  cpp(m.positions),
+                  cpp(m.normals),
+                  cpp(m.transfer),
+                  {m.masks.data, m.masks.count, m.masks.stride ? m.masks.stride : mask_stride}};
+    }
+}
+
+} // namespace
+
+uint32_t nusselt_version(void) {
+    return version();
+}
+
+const char* nusselt_configuration(void) {
+    return configuration();
+}
+
+nusselt_status nusselt_check_version(uint32_t header_version) {
+    return c_status(check_version(header_version));
+}
+
+nusselt_status nusselt_create_tbb_executor(uint32_t threads, nusselt_executor* out) {
+    if (!out) return bad("no executor was made: out is null; pass a place for it");
+    *out = {};
+    Executor made;
+    const Status status = create_tbb_executor(threads, &made);
+    if (status.ok()) *out = c_executor(made);
+    return c_status(status);
+}
+
+void nusselt_destroy_executor(nusselt_executor* executor) {
+    if (!executor) return;
+    Executor gone = cpp(*executor);
+    destroy_executor(&gone);
+    *executor = c_executor(gone);
+}
+
+nusselt_status nusselt_create_context(const nusselt_context_desc* desc, nusselt_context** out) {
+    if (!out) return bad("no context made: out is null; pass where to write it");
+    *out = nullptr;
+    ContextDesc made;
+    if (desc) {
+        const nusselt_status size = check_size(sizeof(*desc), desc->size);
+        if (size.code != NUSSELT_OK) return size;
+        made.allocator = {desc->allocator.user, desc->allocator.allocate, desc->allocator.release};
+        made.executor = cpp(desc->executor);
+        made.isa = isa_of(desc->isa);
+        made.profiler = {desc->profiler.user, desc->profiler.begin, desc->profiler.end};
+    }
+    Context* context = nullptr;
+    const Status status = create_context(made, &context);
+    *out = reinterpret_cast<nusselt_context*>(context);
+    return c_status(status);
+}
+
+nusselt_status nusselt_destroy_context(nusselt_context* context) {
+    return c_status(destroy_context(cpp(context)));
+}
+
+uint32_t nusselt_context_isa(const nusselt_context* context) {
+    return static_cast<uint32_t>(context_isa(cpp(context))) + 1;
+}
+
+const char* nusselt_isa_name(uint32_t isa) {
+    return isa_name(isa_of(isa));
+}
+
+nusselt_status nusselt_add_mesh(nusselt_context* context, const nusselt_mesh_desc* desc, nusselt_mesh* out) {
+    if (!desc || !out) return bad("mesh not added: desc or out is null");
+    *out = {};
+    const nusselt_status size = check_size(sizeof(*desc), desc->size);
+    if (size.code != NUSSELT_OK) return size;
+    MeshId id;
+    const Status status = add_mesh(cpp(context), cpp(*desc), &id);
+    *out = {id.slot, id.generation};
+    return c_status(status);
+}
+
+nusselt_status nusselt_remove_mesh(nusselt_context* context, nusselt_mesh mesh) {
+    return c_status(remove_mesh(cpp(context), cpp(mesh)));
+}
+
+nusselt_status nusselt_get_mesh_info(const nusselt_context* context, nusselt_mesh mesh,
+                                     nusselt_mesh_info* out) {
+    if (!out) return bad("no answer: out is null; pass where to write it");
+    const nusselt_status size = check_size(sizeof(*out), out->size);
+    if (size.code != NUSSELT_OK) return size;
+    MeshInfo info;
+    const Status status = mesh_info(cpp(context), cpp(mesh), &info);
+    if (!status.ok()) return c_status(status);
+    *out = {out->size,
+            info.vertices,
+            info.triangles,
+            info.welded_vertices,
+            info.degenerate_triangles,
+            info.components,
+            info.closed_components,
+            info.boundary_edges,
+            info.non_manifold_edges,
+            info.flipped_edges,
+            info.levels,
+            info.clusters,
+            {},
+            info.bytes};
+    std::copy(std::begin(info.level_triangles), std::end(info.level_triangles), out->level_triangles);
+    return c_status(status);
+}
+
+nusselt_status nusselt_mesh_memory_bound(const nusselt_context* context, const nusselt_mesh_desc* desc,
+                                         size_t* held, size_t* peak) {
+    if (!desc || !held || !peak) return bad("no answer: desc, held or peak is null");
+    *held = *peak = 0;
+    const nusselt_status size = check_size(sizeof(*desc), desc->size);
+    if (size.code != NUSSELT_OK) return size;
+    MeshMemory bound;
+    const Status status = mesh_memory_bound(cpp(context), cpp(*desc), &bound);
+    *held = bound.held;
+    *peak = bound.peak;
+    return c_status(status);
+}
+
+uint32_t nusselt_quality_mask_bits(uint32_t quality) {
+    return quality_mask_bits(quality_of(quality));
+}
+
+nusselt_status nusselt_submit(nusselt_context* context, const nusselt_frame_desc* desc, nusselt_frame* out) {
+    if (!context || !desc || !out) return bad("no frame started: context, desc or out is null");
+    *out = {};
+    nusselt_status size = check_size(sizeof(*desc), desc->size);
+    if (size.code == NUSSELT_OK) size = check_size(sizeof(nusselt_frame_mesh), desc->mesh_size);
+    if (size.code != NUSSELT_OK) return size;
+    FrameId id;
+    FrameDesc frame{nullptr, desc->mesh_count, quality_of(desc->quality)};
+    Status status;
+    if (!desc->meshes || desc->mesh_count <= most_on_stack) {
+        FrameMesh meshes[most_on_stack];
+        if (desc->meshes) {
+            convert(*desc, meshes);
+            frame.meshes = meshes;
+        }
+        status = submit(cpp(context), frame, &id);
+    } else {
+        try {
+            Vector<FrameMesh> meshes(desc->mesh_count, FrameMesh{},
+                                     HostAllocator<FrameMesh>(cpp(context)->allocator));
+            convert(*desc, meshes.data());
+            frame.meshes = meshes.data();
+            status = submit(cpp(context), frame, &id);
+        } catch (const std::bad_alloc&) {
+            return {NUSSELT_OUT_OF_MEMORY,
+                    "no frame started: the allocator gave no memory; free some and try again"};
+        }
+    }
+    *out = {id.slot, id.generation};
+    return c_status(status);
+}
+
+nusselt_status nusselt_poll(nusselt_context* context, nusselt_frame frame, int* done) {
+    bool answer = false;
+    const Status status = poll(cpp(context), cpp(frame), done ? &answer : nullptr);
+    if (done) *done = answer;
+    return c_status(status);
+}
+
+nusselt_status nusselt_cancel(nusselt_context* context, nusselt_frame frame) {
+    return c_status(cancel(cpp(context), cpp(frame)));
+}
+
+nusselt_status nusselt_wait(nusselt_context* context, nusselt_frame frame, nusselt_frame_stats* stats) {
+    if (stats) {
+        const nusselt_status size = check_size(sizeof(*stats), stats->size);
+        if (size.code != NUSSELT_OK) return size;
+    }
+    FrameStats s;
+    const Status status = wait(cpp(context), cpp(frame), stats ? &s : nullptr);
+    if (stats) {
+        *stats = {stats->size,
+                  s.receivers,
+                  s.receivers_computed,
+                  s.receivers_invalid,
+                  s.receivers_written,
+                  s.triangles_invalid,
+                  s.threads,
+                  s.clusters_tested,
+                  s.clusters_rasterized,
+                  s.triangles_considered,
+                  s.triangles_rasterized,
+                  s.fan_triangles,
+                  s.blocks_uniform,
+                  s.blocks_partial,
+                  s.wall_ms,
+                  s.cpu_ms};
+    }
+    return c_status(status);
+}
+
+void nusselt_sh_evaluate(float x, float y, float z, float out[25]) {
+    sh_evaluate(x, y, z, out);
+}
+
+nusselt_status nusselt_sh_project_latlong(const float* rgb, uint32_t width, uint32_t height, float out[75],
+                                          uint64_t* bad_pixels) {
+    return c_status(sh_project_latlong(rgb, width, height, out, bad_pixels));
+}
+
+void nusselt_sh_rotate(const float rotation[9], const float coefficients[25], float out[25]) {
+    sh_rotate(rotation, coefficients, out);
+}
+
+nusselt_status nusselt_shade(const nusselt_context* context, const float light[75],
+                             nusselt_transfer_view transfer, nusselt_vec3_view albedo, float* rgb) {
+    return c_status(shade(cpp(context), light, cpp(transfer), cpp(albedo), rgb));
+}
