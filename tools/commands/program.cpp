@@ -74,7 +74,7 @@ CLI::App* add_compare(CLI::App& app, CompareOptions& compare, CompareWords& word
     command->add_flag("--quick", words.quick,
                       "one moment, few receivers with a reference, two timed rounds, at most 1024 rays");
     command->add_option("--frames", words.frames, "moments of the animation; default: 3")->type_name("N");
-    command->add_option("--repeats", words.repeats, "timed rounds over all entries; default: 5")
+    command->add_option("--repeats", words.repeats, "timed rounds over all entries; default: 3")
         ->type_name("N");
     command
         ->add_option("--threads", compare.measure.threads,

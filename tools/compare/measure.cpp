@@ -246,6 +246,15 @@ std::vector<float> exact_masks(const Moment& moment, const SampleGrid& grid, boo
     return transfer;
 }
 
+// A scene's name may come from a file.
+std::string file_name(const std::string& name) {
+    std::string safe = name.substr(0, 80);
+    for (char& c : safe)
+        if (!(c >= 'a' && c <= 'z') && !(c >= 'A' && c <= 'Z') && !(c >= '0' && c <= '9') && c != '-')
+            c = '_';
+    return safe;
+}
+
 std::string text_of(uint32_t number) {
     return std::to_string(number);
 }
@@ -297,6 +306,7 @@ bool gather_errors(Candidate& candidate, const std::vector<Moment>& moments, Eng
     for (uint32_t m = 0; m < moments.size(); ++m) {
         if (interrupted()) return false;
         const Moment& moment = moments[m];
+        if (moment.follows && !timed(candidate)) continue; // exact rays are slow, and nobody waits for them
         if (moment.follows) before = now;
         switch (candidate.entry.kind) {
         case Kind::ours:
@@ -558,7 +568,7 @@ SceneReport measure_scene(const scenes::Scene& scene, const MeasureOptions& opti
             Quality quality = Quality::standard;
             quality_from_name(entry.name.c_str(), &quality);
             engine.frame(moment.pose, quality, transfer);
-            report.shots.push_back({scene.name + "_" + entry.name, entry.name,
+            report.shots.push_back({file_name(scene.name) + "_" + entry.name, entry.name,
                                     error_picture(moment.all, scene.view_direction, transfer,
                                                   moment.reference, moment.traced, moment.clear)});
         }

@@ -18,7 +18,7 @@ namespace nusselt::tools {
 
 struct MeasureOptions {
     uint32_t frames = 3;             // moments of the animation, evenly over it
-    uint32_t repeats = 5;            // timed rounds over all entries
+    uint32_t repeats = 3;            // timed rounds over all entries
     uint32_t threads = 1;            // of every entry
     uint32_t scaling_threads = 0;    // measured from 1 up to this many; 0: as many as the machine has
     uint32_t reference_rays = 16384; // a receiver

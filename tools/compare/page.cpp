@@ -231,7 +231,7 @@ for (const scene of report.scenes) {
     for (const value of [c.median, c.p95, c.p99, c.max, c.pooled]) make("td", line, percent(value));
     make("td", line, a.below_noise ? "<" + percent(scene.reference.noise.all.mean) : percent(a.mean), a.below_noise ? "noise" : "");
     for (const value of [a.p99, a.max, e.absolute.mean, e.ambient_occlusion.mean]) make("td", line, percent(value));
-    make("td", line, e.temporal.below_noise ? "noise" : percent(e.temporal.mean), e.temporal.below_noise ? "noise" : "");
+    make("td", line, e.temporal.count === 0 ? "" : e.temporal.below_noise ? "noise" : percent(e.temporal.mean), e.temporal.below_noise ? "noise" : "");
     const mark = e.equal_error ? { "inside": "", "error smaller than the curve's": "\u2265 ", "error larger than the curve's": "\u2264 " }[e.equal_error.clear.place] : "";
     make("td", line, e.kind === "ours" ? mark + e.equal_error.clear.speedup.toFixed(1) + " x" : "");
     make("td", line, e.work ? e.work.per_receiver.triangles_rasterized.toFixed(1) : "");

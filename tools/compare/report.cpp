@@ -119,7 +119,7 @@ Json to_json(const Entry& entry, const SceneReport& scene) {
     json["absolute"] = to_json(entry.absolute);
     json["ambient_occlusion"] = to_json(entry.ambient);
     json["temporal"] = to_json(entry.change);
-    json["temporal"]["below_noise"] = entry.change.mean <= scene.noise_change;
+    json["temporal"]["below_noise"] = entry.change.count > 0 && entry.change.mean <= scene.noise_change;
     json["radiance"] = Json::object();
     for (size_t k = 0; k < entry.radiance.size(); ++k) {
         json["radiance"][scene.lights[k]] = {{"relative_rms", number(entry.radiance[k].relative)},
@@ -295,10 +295,11 @@ std::string terminal_table(const Comparison& comparison) {
                 for (const double value : {figures.each.p95, figures.each.p99, figures.each.max})
                     out += " " + pad(percent(value), 6);
             }
+            const bool noisy = entry.change.mean <= scene.noise_change;
             out +=
                 " | " + pad(percent(entry.ambient.mean), 6) + " " +
-                pad(percent(entry.change.mean <= scene.noise_change ? scene.noise_change : entry.change.mean,
-                            entry.change.mean <= scene.noise_change && entry.change.count > 0),
+                pad(entry.change.count == 0 ? "-"
+                                            : percent(noisy ? scene.noise_change : entry.change.mean, noisy),
                     6);
             if (entry.kind == Kind::ours) {
                 out += " | x " + speedup(entry.peer_all, entry.us) + ", x " +
