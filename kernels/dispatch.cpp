@@ -11,13 +11,13 @@
 
 namespace nusselt::kernels {
 
+#if defined(__x86_64__)
 namespace {
 
 struct Features {
     bool sse4 = false, avx2 = false, avx512 = false;
 };
 
-#if defined(__x86_64__)
 uint64_t enabled_state() {
     uint32_t low, high;
     __asm__ volatile("xgetbv" : "=a"(low), "=d"(high) : "c"(0));
@@ -43,26 +43,20 @@ Features detect() {
                bit(eb, 31);
     return f;
 }
-#else
-Features detect() {
-    return {};
-}
-#endif
 
 } // namespace
+#endif
 
 const Kernels* kernels_for(Set set) {
+    if (set == Set::scalar) return &reference_kernels;
+#if defined(__x86_64__)
     static const Features features = detect();
-    switch (set) {
-    case Set::scalar:
-        return &reference_kernels;
-    case Set::sse4:
-        return features.sse4 ? sse4_kernels() : nullptr;
-    case Set::avx2:
-        return features.avx2 ? avx2_kernels() : nullptr;
-    case Set::avx512:
-        return features.avx512 ? avx512_kernels() : nullptr;
-    }
+    if (set == Set::sse4 && features.sse4) return sse4_kernels();
+    if (set == Set::avx2 && features.avx2) return avx2_kernels();
+    if (set == Set::avx512 && features.avx512) return avx512_kernels();
+#elif defined(__aarch64__)
+    if (set == Set::neon) return neon_kernels(); // part of the architecture
+#endif
     return nullptr;
 }
 

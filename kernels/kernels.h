@@ -154,8 +154,8 @@ struct Kernels {
     EvaluateSh evaluate_sh;
 };
 
-enum class Set : uint32_t { scalar, sse4, avx2, avx512 };
-constexpr uint32_t set_count = 4;
+enum class Set : uint32_t { scalar, sse4, avx2, avx512, neon };
+constexpr uint32_t set_count = 5;
 
 // Null where this build or this machine (processor and operating system) lacks it.
 const Kernels* kernels_for(Set set);

@@ -1,6 +1,6 @@
-// The SIMD kernels: one source, compiled for SSE4, AVX2 and AVX-512, each bit for bit equal to reference.cpp.
-// Products and sums are never fused and divisions are exact; only then do all widths agree.
-// A batch's 16 lanes are worked on in chunks of the register's width.
+// The SIMD kernels: one source, compiled for SSE4, AVX2 and AVX-512, or for NEON, each bit for bit equal to
+// reference.cpp. Products and sums are never fused and divisions are exact; only then do all widths agree. A
+// batch's 16 lanes are worked on in chunks of the register's width.
 #include "kernels/simd.h"
 
 #include "kernels/compress_table.h"
@@ -9,6 +9,9 @@
 #include <cstring>
 
 #define HWY_WANT_SSE4 1
+#if defined(__aarch64__)
+#define HWY_COMPILE_ONLY_STATIC // NEON alone: the vectors of SVE have no size
+#endif
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/simd.cpp"
 #include <hwy/foreach_target.h>
@@ -718,7 +721,10 @@ void evaluate_sh(const float* x, const float* y, const float* z, size_t count, f
 }
 
 constexpr const char* set_name() {
-    return HWY_TARGET == HWY_AVX3 ? "avx512" : HWY_TARGET == HWY_AVX2 ? "avx2" : "sse4";
+    return HWY_TARGET == HWY_AVX3   ? "avx512"
+           : HWY_TARGET == HWY_AVX2 ? "avx2"
+           : HWY_TARGET == HWY_NEON ? "neon"
+                                    : "sse4";
 }
 
 } // namespace
@@ -734,6 +740,7 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace nusselt::kernels {
 
+#if HWY_ARCH_X86
 const Kernels* sse4_kernels() {
     return &N_SSE4::table;
 }
@@ -743,6 +750,11 @@ const Kernels* avx2_kernels() {
 const Kernels* avx512_kernels() {
     return &N_AVX3::table;
 }
+#else
+const Kernels* neon_kernels() {
+    return &N_NEON::table;
+}
+#endif
 
 } // namespace nusselt::kernels
 #endif

@@ -11,7 +11,7 @@ namespace {
 
 static_assert(NUSSELT_C_VERSION == NUSSELT_VERSION);
 static_assert(NUSSELT_CHANGED == static_cast<uint32_t>(StatusCode::changed));
-static_assert(NUSSELT_ISA_AVX512 == static_cast<uint32_t>(Isa::avx512) + 1);
+static_assert(NUSSELT_ISA_NEON == static_cast<uint32_t>(Isa::neon) + 1);
 static_assert(NUSSELT_QUALITY_FINE == static_cast<uint32_t>(Quality::fine) + 1);
 static_assert(sizeof(MeshInfo::level_triangles) == sizeof(nusselt_mesh_info::level_triangles));
 

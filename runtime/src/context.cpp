@@ -8,14 +8,14 @@ namespace nusselt {
 
 namespace {
 
-constexpr const char* isa_names[] = {"scalar", "sse4", "avx2", "avx512"};
+constexpr const char* isa_names[] = {"scalar", "sse4", "avx2", "avx512", "neon"};
 
 const kernels::Kernels* kernels_of(Isa isa) {
-    return isa <= Isa::avx512 ? kernels::kernels_for(static_cast<kernels::Set>(isa)) : nullptr;
+    return isa <= Isa::neon ? kernels::kernels_for(static_cast<kernels::Set>(isa)) : nullptr;
 }
 
 Isa best_isa() {
-    for (const Isa isa : {Isa::avx512, Isa::avx2, Isa::sse4}) {
+    for (const Isa isa : {Isa::neon, Isa::avx512, Isa::avx2, Isa::sse4}) {
         if (kernels_of(isa)) return isa;
     }
     return Isa::scalar;
@@ -25,7 +25,7 @@ Isa best_isa() {
 
 const char* isa_name(Isa isa) {
     if (isa == Isa::best) return "best";
-    return isa <= Isa::avx512 ? isa_names[static_cast<uint32_t>(isa)] : "unknown";
+    return isa <= Isa::neon ? isa_names[static_cast<uint32_t>(isa)] : "unknown";
 }
 
 bool isa_from_name(const char* name, Isa* out) {
@@ -63,7 +63,7 @@ Status create_context(const ContextDesc& desc, Context** out) {
         if (forced && *forced && !isa_from_name(forced, &isa))
             return {StatusCode::unsupported,
                     "no context made: NUSSELT_ISA names no instruction set; unset it or use "
-                    "scalar, sse4, avx2, avx512 or best"};
+                    "scalar, sse4, avx2, avx512, neon or best"};
         if (isa == Isa::best) isa = best_isa();
     }
     if (!kernels_of(isa))

@@ -27,7 +27,7 @@ bool has_feature(Feature feature) {
         return false;
 #endif
     case Feature::simd:
-#if defined(__x86_64__)
+#if defined(__x86_64__) || defined(__aarch64__)
         return true;
 #else
         return false;
@@ -55,6 +55,8 @@ const char* configuration() {
                                    ", scalar"
 #if defined(__x86_64__)
                                    " sse4 avx2 avx512"
+#elif defined(__aarch64__)
+                                   " neon"
 #endif
 #if defined(NUSSELT_TBB)
                                    ", TBB"

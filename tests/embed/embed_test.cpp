@@ -416,7 +416,7 @@ TEST(Version, Features) {
     EXPECT_EQ(has_feature(Feature::tbb), status.ok());
     destroy_executor(&executor);
     bool simd = false;
-    for (const Isa isa : {Isa::sse4, Isa::avx2, Isa::avx512})
+    for (const Isa isa : {Isa::sse4, Isa::avx2, Isa::avx512, Isa::neon})
         simd = simd || isa_available(isa);
     EXPECT_TRUE(has_feature(Feature::simd) || !simd);
     EXPECT_FALSE(has_feature(static_cast<Feature>(99)));

@@ -13,7 +13,7 @@ using namespace kernels;
 
 namespace {
 
-constexpr const char* names[set_count] = {"scalar", "sse4", "avx2", "avx512"};
+constexpr const char* names[set_count] = {"scalar", "sse4", "avx2", "avx512", "neon"};
 
 // What the processor says, asked another way than the library does.
 bool processor_has(Set set) {
@@ -31,7 +31,11 @@ bool processor_has(Set set) {
         return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
                __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw") &&
                __builtin_cpu_supports("avx512cd");
+    case Set::neon:
+        return false;
     }
+#elif defined(__aarch64__)
+    if (set == Set::neon) return true;
 #endif
     return set == Set::scalar;
 }

@@ -74,7 +74,8 @@ enum {
     NUSSELT_ISA_SCALAR = 1,
     NUSSELT_ISA_SSE4 = 2,
     NUSSELT_ISA_AVX2 = 3,
-    NUSSELT_ISA_AVX512 = 4
+    NUSSELT_ISA_AVX512 = 4,
+    NUSSELT_ISA_NEON = 5
 };
 
 typedef struct nusselt_context nusselt_context;

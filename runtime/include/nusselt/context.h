@@ -12,10 +12,10 @@
 
 namespace nusselt {
 
-// Instruction sets in rising order. All give the same bits.
-enum class Isa : uint32_t { scalar = 0, sse4 = 1, avx2 = 2, avx512 = 3, best = 0xFFFFFFFFu };
+// Instruction sets, those of x86-64 in rising order; neon is that of aarch64. All give the same bits.
+enum class Isa : uint32_t { scalar = 0, sse4 = 1, avx2 = 2, avx512 = 3, neon = 4, best = 0xFFFFFFFFu };
 
-// "scalar", "sse4", "avx2", "avx512"; "best" for Isa::best; "unknown" for anything else. Never null.
+// "scalar", "sse4", "avx2", "avx512", "neon"; "best" for Isa::best; "unknown" for anything else. Never null.
 const char* isa_name(Isa isa);
 // The instruction set of that name, `best` included; false and *out untouched where there is none.
 bool isa_from_name(const char* name, Isa* out);
