@@ -52,6 +52,28 @@ endfunction()
 file(REMOVE_RECURSE ${WORK})
 consume(${BUILD} static)
 
+# The Debian package, unpacked into a root of its own.
+find_program(dpkg_deb dpkg-deb)
+if(dpkg_deb)
+    run(${CMAKE_CPACK_COMMAND} -G DEB --config ${BUILD}/CPackConfig.cmake -B ${WORK}/deb)
+    file(GLOB package ${WORK}/deb/*.deb)
+    run(${dpkg_deb} --info ${package})
+    run(${dpkg_deb} -x ${package} ${WORK}/root)
+    run(${CMAKE_COMMAND} -S ${CMAKE_CURRENT_LIST_DIR}/consumer -B ${WORK}/deb-consumer -G Ninja
+        -DCMAKE_PREFIX_PATH=${WORK}/root/usr)
+    run(${CMAKE_COMMAND} --build ${WORK}/deb-consumer)
+    run(${WORK}/deb-consumer/consumer)
+    message("Debian package: ${output}")
+endif()
+
+# FetchContent, with the sources that are here in place of a download.
+run(${CMAKE_COMMAND} -S ${CMAKE_CURRENT_LIST_DIR}/fetch -B ${WORK}/fetch -G Ninja -DCMAKE_BUILD_TYPE=Release
+    -DFETCHCONTENT_SOURCE_DIR_NUSSELT=${SOURCE} -DFETCHCONTENT_FULLY_DISCONNECTED=ON -DNUSSELT_TBB=OFF
+    -DCMAKE_CXX_COMPILER_LAUNCHER=${LAUNCHER})
+run(${CMAKE_COMMAND} --build ${WORK}/fetch --parallel 2)
+run(${WORK}/fetch/consumer)
+message("FetchContent, without TBB: ${output}")
+
 run(${CMAKE_COMMAND} -S ${CMAKE_CURRENT_LIST_DIR}/host -B ${WORK}/host -G Ninja -DCMAKE_BUILD_TYPE=Release
     -DNUSSELT_SOURCE=${SOURCE} -DBUILD_SHARED_LIBS=ON -DNUSSELT_INSTALL=ON -DNUSSELT_TBB=${TBB}
     -DCMAKE_CXX_COMPILER_LAUNCHER=${LAUNCHER})
