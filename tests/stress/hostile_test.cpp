@@ -213,20 +213,20 @@ double best_ms(Engine& engine, const std::vector<Posed>& frame, Outputs& out) {
 // and no slower.
 TEST(Hostile, G9NotFinite) {
     const scenes::Mesh mesh = scenes::torus(1, 0.4f, 24, 12);
-    double slowest = 0;
+    std::vector<double> times; // against a clean frame timed right before
     std::vector<Outputs> first;
     for (const Isa isa : available_isas()) {
         Engine engine(with_isa(isa));
         const Posed good = at_rest(add(engine.context, mesh), mesh);
         Outputs out;
-        const double clean = best_ms(engine, {good}, out);
         size_t number = 0;
         for (const float bad : {nan_value, -nan_value, infinite, -infinite}) {
             for (int k = 0; k < 6; ++k) { // positions, normals
                 Posed broken = good;
                 for (size_t v = 0; v < good.positions.size(); v += 97)
                     (k < 3 ? broken.positions : broken.normals)[v][k % 3] = bad;
-                slowest = std::max(slowest, best_ms(engine, {broken}, out) / clean);
+                const double clean = best_ms(engine, {good}, out);
+                times.push_back(best_ms(engine, {broken}, out) / clean);
                 expect_finite(out);
                 EXPECT_EQ(out.stats.receivers_invalid, (good.positions.size() + 96) / 97);
                 EXPECT_EQ(out.stats.triangles_invalid > 0, k < 3);
@@ -240,8 +240,11 @@ TEST(Hostile, G9NotFinite) {
             }
         }
     }
-    figure("G9 slowest frame with numbers that are not finite, against clean", slowest, "times");
-    EXPECT_LE(slowest, 3.0); // 1.5 is the aim; a shared machine is not that even
+    std::sort(times.begin(), times.end());
+    figure("G9 frame with numbers that are not finite, against clean, median", times[times.size() / 2],
+           "times");
+    figure("G9 frame with numbers that are not finite, against clean, slowest", times.back(), "times");
+    EXPECT_LE(times[times.size() / 2], 1.5); // the slowest says more of a shared machine than of the code
 }
 
 // G11. Normals around the poles of the tangent frame: neighbours hide about the same.
