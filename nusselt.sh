@@ -5,6 +5,8 @@
 #   test [ARGS]      install what is missing, build, run all tests; ARGS go to ctest (-R NAME, -L LABEL, -LE slow, ...)
 #   build [TARGETS]  build the preset; the program lies in build/release/bin
 #   bench [ARGS]     build and run the benchmarks, results in out/bench; ARGS go to Google Benchmark (--benchmark_filter=...)
+#   stress [MINUTES] all stress tests and fuzz targets within MINUTES (default 30), and their ledger, docs/trust-ledger.md
+#   sanitize         all tests under the address and undefined-behaviour sanitizers, threads under the thread sanitizer
 #   install          install the packages that the build needs (third_party/install.sh)
 #   format           format all C++ files with clang-format 14
 #   check            fail where clang-format 14 would change a file or an include points the wrong way
@@ -76,6 +78,39 @@ lint() {
         xargs -r -P "$jobs" -n 1 clang-tidy --quiet -p "build/$preset"
 }
 
+stress() {
+    local minutes=${1:-30}
+    if ! [[ $minutes =~ ^[1-9][0-9]*$ ]]; then
+        echo "nusselt.sh: stress takes a number of minutes, not '$minutes'" >&2
+        exit 2
+    fi
+    build stress_kernels_test stress_frame_test
+    if command -v clang++ >/dev/null; then
+        local own=$preset targets
+        preset=fuzz
+        cmake --preset fuzz
+        # Whatever targets there are: fuzz_gltf, planted_gltf, ...
+        targets=$(cmake --build build/fuzz --target help | grep -oE '\b(fuzz|planted)_[a-z_]+' | grep -v _test | sort -u)
+        # shellcheck disable=SC2086
+        cmake --build build/fuzz --parallel "$jobs" --target $targets
+        preset=$own
+        tests/stress/stress.sh "$minutes" "build/$preset" build/fuzz
+    else
+        echo "clang++ is not here: the fuzz targets are left out" >&2
+        tests/stress/stress.sh "$minutes" "build/$preset"
+    fi
+}
+
+# The thread sanitizer knows nothing of TBB: what runs threads is built without it, on executors of the tests' own.
+sanitize() {
+    preset=asan-ubsan
+    build
+    ctest --test-dir build/asan-ubsan --output-on-failure --no-tests=error --parallel "$jobs" -LE slow "$@"
+    preset=tsan
+    build
+    ctest --test-dir build/tsan --output-on-failure --no-tests=error --parallel "$jobs" -R 'jobs|runtime_test|stress' "$@"
+}
+
 command=${1:-}
 shift || true
 case $command in
@@ -99,6 +134,8 @@ case $command in
             "$program" --benchmark_out="out/bench/${program##*/}.json" --benchmark_out_format=json "$@"
         done
         ;;
+    stress) stress "$@" ;;
+    sanitize) sanitize "$@" ;;
     install) install ;;
     format) cxx_files | xargs -r "$(clang_format)" -i ;;
     lint) lint ;;

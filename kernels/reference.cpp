@@ -24,9 +24,10 @@ Vec cross(const Vec& a, const Vec& b) {
     return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
+// The first cell for what is not a number, too: zero times the infinite reciprocal of a denormal sum.
 uint32_t clamp_cell(float value, uint32_t cells) {
     const float top = float(cells - 1);
-    return uint32_t(value < 0 ? 0 : value > top ? top : value);
+    return uint32_t(!(value > 0) ? 0 : value > top ? top : value);
 }
 
 // The table's entry for the half-space n.d <= 0, n the plane's normal: inside, for a front-facing triangle's

@@ -48,6 +48,41 @@ struct Preview {
     }
 };
 
+// The library reads these by their type, whatever size the header states: one of another size would have it
+// take pixels for sizes of attributes.
+struct FixedSize {
+    std::string_view type;
+    uint32_t size;
+};
+constexpr FixedSize fixed_sizes[] = {{"box2i", 16},      {"box2f", 16},   {"chromaticities", 32},
+                                     {"compression", 1}, {"double", 8},   {"envmap", 1},
+                                     {"float", 4},       {"int", 4},      {"keycode", 28},
+                                     {"lineOrder", 1},   {"m33f", 36},    {"m44f", 64},
+                                     {"m33d", 72},       {"m44d", 128},   {"rational", 8},
+                                     {"tiledesc", 9},    {"timecode", 8}, {"v2i", 8},
+                                     {"v2f", 8},         {"v2d", 16},     {"v3i", 12},
+                                     {"v3f", 12},        {"v3d", 24},     {"deepImageState", 1}};
+
+void check_size(const Preview& in, std::string_view type, const Preview& value) {
+    const auto damaged = [&] { in.fail("an attribute has another size than its type; get the file again"); };
+    for (const FixedSize& fixed : fixed_sizes) {
+        if (type == fixed.type && value.rest.size() != fixed.size) damaged();
+    }
+    if (type == "preview") {
+        Preview preview = value;
+        const uint64_t width = preview.take<uint32_t>(), height = preview.take<uint32_t>();
+        if (width > 4096 || height > 4096 || width * height * 4 != preview.rest.size()) damaged();
+    } else if (type == "stringvector") {
+        for (Preview strings = value; !strings.rest.empty();) {
+            const auto length = strings.take<uint32_t>();
+            if (length > strings.rest.size()) damaged();
+            strings.rest.remove_prefix(length);
+        }
+    } else if (type == "floatvector" && value.rest.size() % 4 != 0) {
+        damaged();
+    }
+}
+
 void check_window(const Preview& in, const Window& window, const char* which) {
     if (window.x1 < window.x0 || window.y1 < window.y0) in.fail(std::string("the ") + which + " is empty");
     if (window.width() > max_image_width || window.height() > max_image_height ||
@@ -80,17 +115,19 @@ Window check_header(std::string_view bytes, const std::string& name) {
         if (size > in.rest.size()) in.fail("the .exr header ends early; the file is truncated, get it again");
         Preview value{in.rest.substr(0, size), name};
         in.rest.remove_prefix(size);
+        check_size(in, type, value);
         if (type == "box2i" && (attribute == "dataWindow" || attribute == "displayWindow")) {
             Window& window = attribute == "dataWindow" ? data : display;
             (attribute == "dataWindow" ? has_data : has_display) = true;
             window = value.take<Window>();
             check_window(in, window, attribute == "dataWindow" ? "data window" : "display window");
-        } else if (attribute == "channels") {
+        } else if (type == "chlist") {
             while (!value.text().empty()) {
                 if (value.rest.size() < 16) in.fail("the channel list is damaged; get the file again");
                 value.rest.remove_prefix(16);
                 ++channels;
             }
+            if (!value.rest.empty()) in.fail("the channel list is damaged; get the file again");
         } else if (attribute == "tiles") {
             const auto x = value.take<uint32_t>(), y = value.take<uint32_t>();
             if (x == 0 || y == 0 || x > 4096 || y > 4096)

@@ -51,7 +51,7 @@ bool parse(std::string_view text, T& value) {
 bool parse_resolution(std::string_view line, uint32_t& width, uint32_t& height) {
     if (!line.starts_with("-Y ")) return false;
     const size_t x = line.find(" +X ");
-    return x != std::string_view::npos && parse(after(line.substr(0, x), "-Y "), height) &&
+    return x != std::string_view::npos && x >= 3 && parse(after(line.substr(0, x), "-Y "), height) &&
            parse(after(line.substr(x), " +X "), width);
 }
 

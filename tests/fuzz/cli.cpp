@@ -1,0 +1,119 @@
+#include "tests/fuzz/fuzz.h"
+#include "tools/commands/commands.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <vector>
+
+namespace nusselt::fuzz {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+// A folder of a few small files, for as long as the process lives.
+struct Folder {
+    fs::path path;
+    Folder() {
+        std::string name = (fs::temp_directory_path() / "nusselt-fuzz-XXXXXX").string();
+        if (!mkdtemp(name.data())) std::abort();
+        path = name;
+        std::ofstream(path / "box.obj") << "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 1\nf 1 2 3 4\n";
+        std::ofstream(path / "broken.glb") << "glTF, or so it says";
+        std::ofstream(path / "light.hdr", std::ios::binary)
+            << "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n"
+            << std::string(32, '\x81');
+    }
+    ~Folder() {
+        std::error_code ignored;
+        fs::remove_all(path, ignored);
+    }
+};
+
+const char* const words[] = {"info",       "transfer",
+                             "render",     "demo",
+                             "compare",    "--help",
+                             "-h",         "--json",
+                             "--out",      "@out",
+                             "@box.obj",   "@broken.glb",
+                             "@light.hdr", "@absent.gltf",
+                             "@",          "--quality",
+                             "paper",      "draft",
+                             "standard",   "fine",
+                             "--threads",  "--isa",
+                             "scalar",     "avx2",
+                             "best",       "--repeat",
+                             "--clip",     "--time",
+                             "--env",      "sky",
+                             "--frames",   "--fps",
+                             "--shadows",  "off",
+                             "on",         "traced",
+                             "--rays",     "--brdf",
+                             "lambert",    "--size",
+                             "1x1",        "8x8",
+                             "0x0",        "x",
+                             "-1x2",       "9999x1",
+                             "16x",        "0",
+                             "1",          "2",
+                             "-1",         "4294967296",
+                             "1e9",        "nan",
+                             "inf",        "0.5",
+                             "",           "--",
+                             "-",          "\x1b[31m",
+                             "--out=",     "--quality=draft",
+                             "--version"};
+
+} // namespace
+
+// Tokens of the program's own language: an exit code of 0, 1 or 2, and never a crash.
+int cli(const uint8_t* data, size_t size) {
+    static const Folder folder;
+    Bytes in{data, std::min<size_t>(size, 24)};
+    std::vector<std::string> arguments{"nusselt"};
+    bool heavy = false, help = false;
+    while (!in.empty()) {
+        const uint8_t byte = in.byte();
+        std::string word;
+        if (byte < 250) {
+            word = words[byte % std::size(words)];
+        } else {
+            for (uint32_t i = in.below(12); i > 0; --i)
+                word += char(std::max<uint8_t>(in.byte(), 1));
+            if (word.starts_with("/") || word.find("..") != std::string::npos) word = "odd";
+        }
+        heavy = heavy || word == "demo" || word == "compare";
+        help = help || word == "--help" || word == "-h";
+        if (word.starts_with("@")) word = (folder.path / word.substr(1)).string();
+        arguments.push_back(word);
+    }
+    if (heavy && !help) return 0; // seconds of work
+    // Words that happen to follow --out would be written to wherever the process stands.
+    for (size_t i = 1; i + 1 < arguments.size(); ++i) {
+        if (arguments[i] == "--out" && !arguments[i + 1].starts_with(folder.path.string()))
+            arguments[i + 1] = (folder.path / "out").string();
+    }
+    std::vector<const char*> argv;
+    for (const std::string& a : arguments)
+        argv.push_back(a.c_str());
+    argv.push_back(nullptr);
+#if defined(NUSSELT_PLANT)
+    // A name copied into an array that is long enough for all names there are.
+    char name[16];
+    if (arguments.size() > 2 && arguments[1] == "render" && arguments[2].size() > 20) {
+        volatile size_t length = arguments[2].size();
+        for (size_t i = 0; i < length; ++i)
+            static_cast<volatile char*>(name)[i] = arguments[2][i];
+    }
+#endif
+    const int code = tools::run_program(int(arguments.size()), argv.data());
+    expect(code >= 0 && code <= 2, "an exit code is 0, 1 or 2");
+    for (const auto& entry : fs::directory_iterator(folder.path))
+        expect(!entry.path().filename().string().starts_with("."), "no half-written output is left");
+    std::error_code ignored;
+    fs::remove_all(folder.path / "out", ignored);
+    return 0;
+}
+
+} // namespace nusselt::fuzz
