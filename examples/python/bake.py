@@ -39,7 +39,8 @@ class MeshDesc(c.Structure):
 
 
 class FrameMesh(c.Structure):
-    _fields_ = [("mesh", Mesh), ("positions", View), ("normals", View), ("transfer", View), ("masks", View)]
+    _fields_ = [("mesh", Mesh), ("positions", View), ("normals", View), ("transfer", View), ("masks", View),
+                ("needed", c.c_void_p)]
 
 
 class FrameDesc(c.Structure):

@@ -81,7 +81,8 @@ void convert(const nusselt_frame_desc& desc, FrameMesh* out) {
                   cpp(m.positions),
                   cpp(m.normals),
                   cpp(m.transfer),
-                  {m.masks.data, m.masks.count, m.masks.stride ? m.masks.stride : mask_stride}};
+                  {m.masks.data, m.masks.count, m.masks.stride ? m.masks.stride : mask_stride},
+                  m.needed};
     }
 }
 
@@ -269,9 +270,25 @@ nusselt_status nusselt_wait(nusselt_context* context, nusselt_frame frame, nusse
                   s.blocks_uniform,
                   s.blocks_partial,
                   s.wall_ms,
-                  s.cpu_ms};
+                  s.cpu_ms,
+                  s.receivers_unneeded,
+                  s.receivers_copied};
     }
     return c_status(status);
+}
+
+nusselt_status nusselt_mark_visible(const nusselt_camera* camera, nusselt_vec3_view positions,
+                                    const uint32_t* indices, size_t index_count, uint32_t* needed) {
+    if (!camera) return bad("nothing marked: camera is null; give one");
+    const nusselt_status size = check_size(sizeof(*camera), camera->size);
+    if (size.code != NUSSELT_OK) return size;
+    Camera made;
+    std::copy(std::begin(camera->clip_from_position), std::end(camera->clip_from_position),
+              made.clip_from_position);
+    std::copy(std::begin(camera->eye), std::end(camera->eye), made.eye);
+    made.margin = camera->margin;
+    made.back_faces = camera->back_faces != 0;
+    return c_status(mark_visible(made, cpp(positions), indices, index_count, needed));
 }
 
 void nusselt_sh_evaluate(float x, float y, float z, float out[25]) {

@@ -1,11 +1,12 @@
-#include "batches.h"
 #include "context_data.h"
 #include "jobs/float_environment.h"
 #include "kernels/prepare.h"
 #include "refit.h"
+#include "regions.h"
 #include "shared_tables.h"
 
 #include <algorithm>
+#include <bit>
 #include <chrono>
 #include <cstring>
 #include <ctime>
@@ -51,6 +52,10 @@ bool counts_fit(const FrameMesh& m, const MeshData& data) {
            (!m.transfer.data || m.transfer.count == count) && (!m.masks.data || m.masks.count == count);
 }
 
+uint32_t regions(uint32_t receivers) {
+    return (receivers + region_receivers - 1) / region_receivers;
+}
+
 // Where each mesh's part of the frame's arrays begins, and the arrays' sizes.
 void lay_out(Frame& frame) {
     frame.point_count = frame.point_chunks = frame.cluster_count = frame.sample_chunks = 0;
@@ -66,10 +71,9 @@ void lay_out(Frame& frame) {
         s.first_region = frame.region_count;
         s.first_duplicate_chunk = frame.duplicate_chunks;
         const bool receives = s.in.transfer.data != nullptr;
-        const uint32_t per_region = region_batches * kernels::lanes;
         const uint32_t receivers = receives ? static_cast<uint32_t>(s.mesh->receivers.size()) : 0;
         const uint32_t duplicates = receives ? static_cast<uint32_t>(s.mesh->duplicates.size()) : 0;
-        s.region_count = (receivers + per_region - 1) / per_region;
+        s.first_own_region = s.first_region + regions(receivers);
         frame.point_count += points;
         frame.point_chunks += (points + point_chunk - 1) / point_chunk;
         frame.cluster_count += s.clusters->count();
@@ -81,7 +85,7 @@ void lay_out(Frame& frame) {
         for (uint32_t level = 1; !frame.quality.paper && level < level_count(samples); ++level)
             frame.sample_chunks +=
                 (samples.begin[level + 1] - samples.begin[level] + point_chunk - 1) / point_chunk;
-        frame.region_count += s.region_count;
+        frame.region_count = s.first_own_region + regions(duplicates);
         frame.duplicate_chunks += (duplicates + kernels::lanes - 1) / kernels::lanes;
     }
 }
@@ -190,30 +194,6 @@ void timed_refit(void* context, uint32_t begin, uint32_t end, uint32_t slot) {
     tally.ticks[refit_stage] += ticks_now() - start;
 }
 
-// Regions as work, with the account of what they wrote.
-void shadow_and_count(void* context, uint32_t begin, uint32_t end, uint32_t slot) {
-    Frame& frame = *static_cast<Frame*>(context);
-    shadow_regions(context, begin, end, slot);
-    for (uint32_t region = begin; region < end; ++region) {
-        const MeshSlice& s = slice_of(frame, &MeshSlice::first_region, region);
-        const uint32_t per_region = region_batches * kernels::lanes;
-        const uint32_t first = (region - s.first_region) * per_region;
-        frame.workers[slot].tally.receivers_written +=
-            std::min(static_cast<uint32_t>(s.mesh->receivers.size()) - first, per_region);
-    }
-}
-
-void copy_and_count(void* context, uint32_t begin, uint32_t end, uint32_t slot) {
-    Frame& frame = *static_cast<Frame*>(context);
-    copy_duplicates(context, begin, end, slot);
-    for (uint32_t chunk = begin; chunk < end; ++chunk) {
-        const MeshSlice& s = slice_of(frame, &MeshSlice::first_duplicate_chunk, chunk);
-        const uint32_t first = (chunk - s.first_duplicate_chunk) * kernels::lanes;
-        frame.workers[slot].tally.receivers_written +=
-            std::min(static_cast<uint32_t>(s.mesh->duplicates.size()) - first, kernels::lanes);
-    }
-}
-
 // Names as a host's profiler shows them; arrays, because a template takes no literal.
 constexpr char extents_zone[] = "nusselt extents";
 constexpr char scale_zone[] = "nusselt scale";
@@ -239,8 +219,8 @@ void plan(Frame& frame) {
     stage(clusters_zone, timed_refit<refit_clusters, clusters_zone>, frame.cluster_count, 64);
     stage(levels_zone, timed_refit<measure_levels, levels_zone>, frame.sample_chunks, 4);
     stage(bands_zone, timed_refit<choose_bands, bands_zone>, static_cast<uint32_t>(frame.meshes.size()), 1);
-    stage(receivers_zone, timed<shadow_and_count, receivers_zone>, frame.region_count, 1);
-    stage(duplicates_zone, timed<copy_and_count, duplicates_zone>, frame.duplicate_chunks, 16);
+    stage(receivers_zone, timed<shadow_regions, receivers_zone>, frame.region_count, 1);
+    stage(duplicates_zone, timed<copy_duplicates, duplicates_zone>, frame.duplicate_chunks, 16);
 }
 
 constexpr uint32_t stages = 8;
@@ -308,6 +288,17 @@ uint64_t checksum(const FrameMesh& mesh) {
     return hash;
 }
 
+uint32_t needed_count(const MeshSlice& slice) {
+    const uint32_t count = slice.mesh->vertex_count;
+    if (!slice.in.needed) return count;
+    uint32_t needed = 0;
+    for (uint32_t i = 0; i < count / 32; ++i)
+        needed += static_cast<uint32_t>(std::popcount(slice.in.needed[i]));
+    if (count % 32 == 0) return needed;
+    const uint32_t used = (1u << count % 32) - 1; // the last word's other bits may be anything
+    return needed + static_cast<uint32_t>(std::popcount(slice.in.needed[count / 32] & used));
+}
+
 void report(const Frame& frame, FrameStats& stats) {
     stats = {};
     const double elapsed = nanoseconds_now() - frame.start_ns;
@@ -316,6 +307,7 @@ void report(const Frame& frame, FrameStats& stats) {
     for (const Worker& w : frame.workers) {
         const Tally& t = w.tally;
         stats.receivers_computed += t.receivers_computed;
+        stats.receivers_copied += t.receivers_copied;
         stats.receivers_invalid += t.receivers_invalid;
         stats.receivers_written += t.receivers_written;
         stats.clusters_tested += t.clusters_tested;
@@ -330,8 +322,12 @@ void report(const Frame& frame, FrameStats& stats) {
         for (uint32_t i = 0; i < 6; ++i)
             stage_ms[i] += double(t.ticks[i]) * per_tick;
     }
-    for (const MeshSlice& s : frame.meshes)
-        stats.receivers += s.in.transfer.data ? s.mesh->vertex_count : 0;
+    for (const MeshSlice& s : frame.meshes) {
+        if (!s.in.transfer.data) continue;
+        const uint32_t needed = needed_count(s);
+        stats.receivers += needed;
+        stats.receivers_unneeded += s.mesh->vertex_count - needed;
+    }
     stats.threads = jobs::threads(*frame.graph);
     stats.wall_ms = elapsed * 1e-6;
     stats.refit_ms = stage_ms[refit_stage];

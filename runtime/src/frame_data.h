@@ -26,6 +26,7 @@ struct FloatArray {
 };
 
 constexpr uint32_t region_batches = 8; // batches that share one look at all clusters
+constexpr uint32_t region_receivers = region_batches * kernels::lanes;
 constexpr uint32_t point_chunk = 1024; // vertices, or samples of a level, of one task
 constexpr uint32_t job_flush =
     512; // jobs after which masks are worked on: the list stays in the nearest cache
@@ -38,13 +39,15 @@ struct MeshSlice {
     uint64_t checksum = 0;              // of what is read, at `submit` (NUSSELT_CHECKED)
     uint32_t first_point = 0, first_point_chunk = 0;
     uint32_t first_cluster = 0, first_sample_chunk = 0;
-    uint32_t first_region = 0, region_count = 0, first_duplicate_chunk = 0;
+    uint32_t first_region = 0, first_own_region = 0; // of receivers; from first_own_region on of duplicates
+    uint32_t first_duplicate_chunk = 0;
 };
 
 struct Tally {
     kernels::Counters counters{};
     uint64_t clusters_tested = 0, clusters_rasterized = 0;
-    uint32_t receivers_computed = 0, receivers_invalid = 0, receivers_written = 0, triangles_invalid = 0;
+    uint32_t receivers_computed = 0, receivers_copied = 0, receivers_invalid = 0, receivers_written = 0;
+    uint32_t triangles_invalid = 0;
     double cpu_ns = 0;
     uint64_t ticks[6] = {}; // by Stage
 };
@@ -124,6 +127,20 @@ struct Frame {
 
 // The mesh to which an item of a stage belongs; `first` says where each mesh's items begin.
 const MeshSlice& slice_of(const Frame& frame, uint32_t MeshSlice::*first, uint32_t item);
+
+inline const float* element(const Vec3View& view, size_t index) {
+    return reinterpret_cast<const float*>(reinterpret_cast<const char*>(view.data) + index * view.stride);
+}
+inline float* transfer_of(const FrameMesh& mesh, size_t vertex) {
+    return reinterpret_cast<float*>(reinterpret_cast<char*>(mesh.transfer.data) +
+                                    vertex * mesh.transfer.stride);
+}
+inline char* mask_of(const FrameMesh& mesh, size_t vertex) {
+    return reinterpret_cast<char*>(mesh.masks.data) + vertex * mesh.masks.stride;
+}
+inline bool is_needed(const FrameMesh& mesh, uint32_t vertex) {
+    return !mesh.needed || (mesh.needed[vertex / 32] >> (vertex % 32) & 1);
+}
 
 // A monotonic count that is cheap to read, and the time in nanoseconds that gives it a unit.
 uint64_t ticks_now();

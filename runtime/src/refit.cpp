@@ -10,10 +10,6 @@ namespace nusselt {
 
 namespace {
 
-const float* element(const Vec3View& view, size_t index) {
-    return reinterpret_cast<const float*>(reinterpret_cast<const char*>(view.data) + index * view.stride);
-}
-
 // In radii of a triangle: farther than that from all of its corners, a receiver doesn't lie over or under it.
 constexpr float clear_of_own = 1.5f;
 

@@ -179,6 +179,35 @@ static void test_frame(nusselt_context* context, nusselt_mesh mesh) {
     EXPECT_CODE(nusselt_submit(context, &desc, NULL), NUSSELT_INVALID_ARGUMENT);
 }
 
+/* From above only the roof shows. */
+static void test_needed(nusselt_context* context, nusselt_mesh mesh) {
+    nusselt_frame_desc desc = frame_desc(mesh);
+    const nusselt_vec3_view view = {positions[0], 8, 0};
+    nusselt_camera camera;
+    nusselt_frame_stats stats;
+    nusselt_frame frame;
+    uint32_t needed = 0;
+
+    memset(&camera, 0, sizeof camera);
+    camera.clip_from_position[0] = 0.1f; /* parallel, looking down: x to the right, z down */
+    camera.clip_from_position[6] = -0.1f;
+    camera.clip_from_position[15] = 1;
+    camera.eye[1] = 1;
+    EXPECT_CODE(nusselt_mark_visible(&camera, view, indices, 12, &needed), NUSSELT_INVALID_ARGUMENT);
+    camera.size = sizeof camera;
+    EXPECT_CODE(nusselt_mark_visible(NULL, view, indices, 12, &needed), NUSSELT_INVALID_ARGUMENT);
+    EXPECT_CODE(nusselt_mark_visible(&camera, view, indices + 6, 6, &needed), NUSSELT_OK);
+    EXPECT(needed == 0xF0);
+    transfer[0][0] = -7;
+    in.needed = &needed;
+    memset(&stats, 0, sizeof stats);
+    stats.size = sizeof stats;
+    EXPECT_CODE(nusselt_submit(context, &desc, &frame), NUSSELT_OK);
+    EXPECT_CODE(nusselt_wait(context, frame, &stats), NUSSELT_OK);
+    EXPECT(stats.receivers == 4 && stats.receivers_unneeded == 4 && stats.receivers_copied == 0);
+    EXPECT(transfer[0][0] == -7);
+}
+
 /* More meshes than fit the stack, each of them small. */
 static void test_many(nusselt_context* context) {
     enum { count = 100 };
@@ -227,6 +256,7 @@ static void test_context(const nusselt_context_desc* context_desc) {
     EXPECT_CODE(nusselt_get_mesh_info(context, mesh, NULL), NUSSELT_INVALID_ARGUMENT);
 
     test_frame(context, mesh);
+    test_needed(context, mesh);
     test_many(context);
 
     EXPECT_CODE(nusselt_remove_mesh(context, mesh), NUSSELT_OK);

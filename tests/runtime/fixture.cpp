@@ -54,8 +54,35 @@ bool Output::operator==(const Output& other) const {
            std::memcmp(transfer.data(), other.transfer.data(), transfer.size() * 100) == 0;
 }
 
+namespace {
+
+const float unwritten_value = std::bit_cast<float>(0x7FABCDEFu);
+constexpr uint32_t unwritten_mask = 0xDEADBEEF;
+
+} // namespace
+
+bool is_unwritten(const Output& output, size_t vertex) {
+    const size_t words = output.masks.size() / output.transfer.size();
+    bool all = true;
+    for (const float& value : output.transfer[vertex])
+        all = all && std::memcmp(&value, &unwritten_value, 4) == 0;
+    for (size_t i = vertex * words; i < (vertex + 1) * words; ++i)
+        all = all && output.masks[i] == unwritten_mask;
+    return all;
+}
+
+bool same_result(const Output& a, const Output& b, size_t vertex) {
+    const size_t words = a.masks.size() / a.transfer.size();
+    return std::memcmp(&a.transfer[vertex], &b.transfer[vertex], 100) == 0 &&
+           std::memcmp(&a.masks[vertex * words], &b.masks[vertex * words], 4 * words) == 0;
+}
+
 Outputs run_frame(Context* context, const std::vector<Posed>& meshes, Quality quality) {
-    const uint32_t words = quality_mask_bits(quality) / 32;
+    return run_frame(context, meshes, FrameDesc{nullptr, 0, quality});
+}
+
+Outputs run_frame(Context* context, const std::vector<Posed>& meshes, FrameDesc settings) {
+    const uint32_t words = quality_mask_bits(settings.quality) / 32;
     Outputs out;
     out.meshes.resize(meshes.size());
     std::vector<FrameMesh> frame(meshes.size());
@@ -65,17 +92,19 @@ Outputs run_frame(Context* context, const std::vector<Posed>& meshes, Quality qu
         frame[i].mesh = m.mesh;
         frame[i].positions = view(m.positions);
         frame[i].normals = view(m.normals);
+        frame[i].needed = m.needed.empty() ? nullptr : m.needed.data();
         if (!m.receives) continue;
-        // What isn't written shows: a word that no result has.
         o.transfer.resize(m.positions.size());
         for (auto& t : o.transfer)
-            t.fill(std::bit_cast<float>(0x7FABCDEFu));
-        o.masks.assign(m.positions.size() * words, 0xDEADBEEF);
+            t.fill(unwritten_value);
+        o.masks.assign(m.positions.size() * words, unwritten_mask);
         frame[i].transfer = {o.transfer[0].data(), o.transfer.size(), 100};
         frame[i].masks = {o.masks.data(), o.transfer.size(), size_t(words) * 4};
     }
+    settings.meshes = frame.data();
+    settings.mesh_count = uint32_t(frame.size());
     FrameId id;
-    const Status started = submit(context, {frame.data(), uint32_t(frame.size()), quality}, &id);
+    const Status started = submit(context, settings, &id);
     EXPECT_TRUE(started.ok()) << started.text;
     if (!started.ok()) return out;
     const Status done = wait(context, id, &out.stats);

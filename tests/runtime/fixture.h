@@ -36,6 +36,7 @@ struct Posed {
     MeshId mesh;
     std::vector<glm::vec3> positions, normals;
     bool receives = true;
+    std::vector<uint32_t> needed = {}; // FrameMesh::needed; empty: all
 };
 struct Output {
     std::vector<std::array<float, 25>> transfer;
@@ -49,6 +50,8 @@ struct Outputs {
 
     bool operator==(const Outputs& other) const { return meshes == other.meshes; }
 };
+// What isn't written keeps words that no result has. `settings` but for its meshes.
+Outputs run_frame(Context* context, const std::vector<Posed>& meshes, FrameDesc settings);
 Outputs run_frame(Context* context, const std::vector<Posed>& meshes, Quality quality = Quality::standard);
 
 // A scene's meshes, and its pose at a time.
@@ -68,6 +71,9 @@ scenes::Mesh points(const std::vector<glm::vec3>& positions, const std::vector<g
 scenes::Mesh soup(const std::vector<glm::vec3>& corners);
 
 uint32_t blocked_bits(const Output& output, size_t vertex, Quality quality = Quality::standard);
+
+bool is_unwritten(const Output& output, size_t vertex);
+bool same_result(const Output& a, const Output& b, size_t vertex); // bit for bit
 
 struct Random {
     std::mt19937_64 engine;

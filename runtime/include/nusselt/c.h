@@ -171,6 +171,7 @@ typedef struct nusselt_frame_mesh {
     nusselt_vec3_view normals;
     nusselt_transfer_view transfer;
     nusselt_mask_view masks;
+    const uint32_t* needed; /* bits of the vertices that need results; null: all */
 } nusselt_frame_mesh;
 
 typedef struct nusselt_frame_desc {
@@ -189,6 +190,7 @@ typedef struct nusselt_frame_stats {
     uint64_t triangles_considered, triangles_rasterized, fan_triangles;
     uint64_t blocks_uniform, blocks_partial;
     double wall_ms, cpu_ms;
+    uint32_t receivers_unneeded, receivers_copied;
 } nusselt_frame_stats;
 
 nusselt_status nusselt_submit(nusselt_context* context, const nusselt_frame_desc* desc, nusselt_frame* out);
@@ -196,6 +198,20 @@ nusselt_status nusselt_poll(nusselt_context* context, nusselt_frame frame, int* 
 nusselt_status nusselt_cancel(nusselt_context* context, nusselt_frame frame);
 /* `stats` may be null. */
 nusselt_status nusselt_wait(nusselt_context* context, nusselt_frame frame, nusselt_frame_stats* stats);
+
+/* ---- what cameras need: visible.h says more ---- */
+
+typedef struct nusselt_camera {
+    size_t size;
+    float clip_from_position[16];
+    float eye[4];
+    float margin;
+    uint32_t back_faces; /* 1: triangles seen from behind count too */
+} nusselt_camera;
+
+/* Sets bits for nusselt_frame_mesh::needed, clears none. */
+nusselt_status nusselt_mark_visible(const nusselt_camera* camera, nusselt_vec3_view positions,
+                                    const uint32_t* indices, size_t index_count, uint32_t* needed);
 
 /* ---- lighting ---- */
 

@@ -31,6 +31,9 @@ struct FrameMesh {
     Vec3View normals;      // unit length within 1 %; also the receivers' hemisphere axes
     TransferView transfer; // data null: the mesh blocks but does not receive
     MaskView masks;        // optional
+    // Bit v % 32 of word v / 32 is set where vertex v needs its results; (V + 31) / 32 words. The others' are
+    // left as they are in the arrays. Null: all need them. mark_visible (visible.h) makes it from a camera.
+    const uint32_t* needed = nullptr;
 };
 
 // The meshes of one frame form one shadow group: each blocks itself and all others.
@@ -42,8 +45,10 @@ struct FrameDesc {
 
 // Counts of work done and of work skipped, summed over the frame, and CPU time summed over threads.
 struct FrameStats {
-    uint32_t receivers = 0;          // vertices that asked for a transfer vector
-    uint32_t receivers_computed = 0; // of these, with position and normal of their own
+    uint32_t receivers = 0;          // vertices that asked for a transfer vector and need it
+    uint32_t receivers_unneeded = 0; // vertices that asked, with their bit of FrameMesh::needed not set
+    uint32_t receivers_computed = 0; // of `receivers`, through the kernels
+    uint32_t receivers_copied = 0;   // of `receivers`, with the position and normal of another one
     uint32_t receivers_invalid = 0;  // position or normal not finite, or a zero normal: transfer is zero
     uint32_t receivers_written = 0; // whose results were written: all of them, unless the frame was cancelled
     uint64_t clusters_tested = 0;

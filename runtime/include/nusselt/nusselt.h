@@ -30,3 +30,4 @@
 #include "nusselt/status.h"
 #include "nusselt/version.h"
 #include "nusselt/views.h"
+#include "nusselt/visible.h"
