@@ -8,10 +8,8 @@ set(CPACK_RESOURCE_FILE_LICENSE ${NUSSELT_ROOT}/LICENSE)
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SECTION libdevel)
-# Of a static library: what its users link.
-set(CPACK_DEBIAN_PACKAGE_DEPENDS "libmeshoptimizer-dev")
 if(NUSSELT_TBB)
-    string(APPEND CPACK_DEBIAN_PACKAGE_DEPENDS ", libtbb-dev")
+    set(CPACK_DEBIAN_PACKAGE_DEPENDS "libtbb-dev") # users of the static library link it
 endif()
 if(BUILD_SHARED_LIBS)
     set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)

@@ -43,6 +43,13 @@ function(nusselt_target target)
     target_include_directories(${target} PRIVATE ${NUSSELT_ROOT} ${NUSSELT_ROOT}/runtime/include)
 endfunction()
 
+# nusselt_library(<target>): a part of the library, inside a host's build: what the host has in CMAKE_CXX_FLAGS
+# (-ffast-math, -fno-exceptions) comes first and is undone here.
+function(nusselt_library target)
+    target_compile_options(${target} PRIVATE -fno-fast-math -fexceptions) # before -ffp-contract, which clang would undo
+    nusselt_target(${target})
+endfunction()
+
 # nusselt_optimized(<target>): at least -O2 whatever the build type; kernels at -O0 are 34 times slower.
 function(nusselt_optimized target)
     target_compile_options(${target} PRIVATE $<$<NOT:$<CONFIG:Release>>:-O2>)

@@ -740,15 +740,28 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace nusselt::kernels {
 
+// Highway leaves out what lies below the flags that the file is compiled with, and what a compiler lacks.
 #if HWY_ARCH_X86
 const Kernels* sse4_kernels() {
+#if HWY_TARGETS & HWY_SSE4
     return &N_SSE4::table;
+#else
+    return nullptr;
+#endif
 }
 const Kernels* avx2_kernels() {
+#if HWY_TARGETS & HWY_AVX2
     return &N_AVX2::table;
+#else
+    return nullptr;
+#endif
 }
 const Kernels* avx512_kernels() {
+#if HWY_TARGETS & HWY_AVX3
     return &N_AVX3::table;
+#else
+    return nullptr;
+#endif
 }
 #else
 const Kernels* neon_kernels() {

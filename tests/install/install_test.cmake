@@ -1,4 +1,5 @@
-# Installs, moves and consumes the library, static and shared, by find_package, pkg-config and add_subdirectory.
+# Installs, moves and consumes the library, static and shared, by find_package, pkg-config, add_subdirectory,
+# FetchContent and as a Debian package. Every consumer prints the hash of one frame, which must be the same.
 # Usage: cmake -DSOURCE= -DBUILD= -DWORK= -DLAUNCHER= -DTBB= -P install_test.cmake
 cmake_minimum_required(VERSION 3.24)
 
@@ -9,6 +10,18 @@ function(run)
         message(FATAL_ERROR "${command}\n${output}")
     endif()
     set(output "${output}" PARENT_SCOPE)
+endfunction()
+
+# consumed(<what> <program>): it runs, and its hash is that of the consumers before it.
+set(hash "")
+function(consumed what program)
+    run(${program})
+    string(REGEX MATCH "hash [0-9a-f]+" here "${output}")
+    if(NOT here OR (hash AND NOT here STREQUAL hash))
+        message(FATAL_ERROR "${what}: ${output}\nwhere the others have ${hash}")
+    endif()
+    set(hash ${here} PARENT_SCOPE)
+    message("${what}: ${output}")
 endfunction()
 
 # Consumes the installation at `prefix`, after moving it: nothing in it may know where it was made.
@@ -31,8 +44,7 @@ function(consume build name)
     run(${CMAKE_COMMAND} -S ${CMAKE_CURRENT_LIST_DIR}/consumer -B ${WORK}/${name}-consumer -G Ninja
         -DCMAKE_PREFIX_PATH=${prefix})
     run(${CMAKE_COMMAND} --build ${WORK}/${name}-consumer)
-    run(${WORK}/${name}-consumer/consumer)
-    message("find_package, ${name}: ${output}")
+    consumed("find_package, ${name}" ${WORK}/${name}-consumer/consumer)
 
     find_program(pkg_config NAMES pkg-config pkgconf)
     find_program(cxx NAMES c++ g++ clang++)
@@ -44,9 +56,9 @@ function(consume build name)
         separate_arguments(flags UNIX_COMMAND "${output}")
         run(${cxx} -std=c++17 ${CMAKE_CURRENT_LIST_DIR}/consumer/main.cpp -o ${WORK}/${name}-pc ${flags}
             -Wl,-rpath,${libraries})
-        run(${WORK}/${name}-pc)
-        message("pkg-config, ${name}: ${output}")
+        consumed("pkg-config, ${name}" ${WORK}/${name}-pc)
     endif()
+    set(hash ${hash} PARENT_SCOPE)
 endfunction()
 
 file(REMOVE_RECURSE ${WORK})
@@ -62,24 +74,22 @@ if(dpkg_deb)
     run(${CMAKE_COMMAND} -S ${CMAKE_CURRENT_LIST_DIR}/consumer -B ${WORK}/deb-consumer -G Ninja
         -DCMAKE_PREFIX_PATH=${WORK}/root/usr)
     run(${CMAKE_COMMAND} --build ${WORK}/deb-consumer)
-    run(${WORK}/deb-consumer/consumer)
-    message("Debian package: ${output}")
+    consumed("Debian package" ${WORK}/deb-consumer/consumer)
 endif()
 
-# FetchContent, with the sources that are here in place of a download.
+# FetchContent, with the sources that are here in place of a download, by a host whose flags are hostile to ours.
 run(${CMAKE_COMMAND} -S ${CMAKE_CURRENT_LIST_DIR}/fetch -B ${WORK}/fetch -G Ninja -DCMAKE_BUILD_TYPE=Release
     -DFETCHCONTENT_SOURCE_DIR_NUSSELT=${SOURCE} -DFETCHCONTENT_FULLY_DISCONNECTED=ON -DNUSSELT_TBB=OFF
+    "-DCMAKE_CXX_FLAGS=-march=native -ffast-math -fno-exceptions -fno-rtti -funsigned-char -fshort-enums"
     -DCMAKE_CXX_COMPILER_LAUNCHER=${LAUNCHER})
 run(${CMAKE_COMMAND} --build ${WORK}/fetch --parallel 2)
-run(${WORK}/fetch/consumer)
-message("FetchContent, without TBB: ${output}")
+consumed("FetchContent, without TBB" ${WORK}/fetch/consumer)
 
 run(${CMAKE_COMMAND} -S ${CMAKE_CURRENT_LIST_DIR}/host -B ${WORK}/host -G Ninja -DCMAKE_BUILD_TYPE=Release
     -DNUSSELT_SOURCE=${SOURCE} -DBUILD_SHARED_LIBS=ON -DNUSSELT_INSTALL=ON -DNUSSELT_TBB=${TBB}
     -DCMAKE_CXX_COMPILER_LAUNCHER=${LAUNCHER})
 run(${CMAKE_COMMAND} --build ${WORK}/host --parallel 2)
-run(${WORK}/host/host)
-message("add_subdirectory, shared: ${output}")
+consumed("add_subdirectory, shared" ${WORK}/host/host)
 consume(${WORK}/host shared)
 
 # The shared library shows the public functions, all of them and nothing else.

@@ -16,7 +16,7 @@ list(TRANSFORM jobs_public REPLACE "(.+)" "runtime/include/nusselt/\\1.h")
 
 # Dependencies that belong to some areas alone.
 set(external_patterns "^hwy/" "^(tbb|oneapi)/" "^meshoptimizer\\.h" "^(glm|embree[0-9]|CLI|nlohmann|OpenEXR|Imath|stb)/|^tiny_gltf|^stb_|^Imf")
-set(external_areas "kernels" "jobs|tools|bench|examples" "runtime|tools|bench" "scenes|tools|bench|examples")
+set(external_areas "kernels" "jobs|tools|bench|examples" "tools" "scenes|tools|bench|examples")
 
 function(area_of file out)
     if(file MATCHES "^runtime/include/")
