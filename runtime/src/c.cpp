@@ -147,7 +147,7 @@ const char* nusselt_isa_name(uint32_t isa) {
 }
 
 nusselt_status nusselt_add_mesh(nusselt_context* context, const nusselt_mesh_desc* desc, nusselt_mesh* out) {
-    if (!desc || !out) return bad("mesh not added: desc or out is null");
+    if (!desc || !out) return bad("mesh not added: desc or out is null; pass both");
     *out = {};
     const nusselt_status size = check_size(sizeof(*desc), desc->size);
     if (size.code != NUSSELT_OK) return size;
@@ -189,7 +189,7 @@ nusselt_status nusselt_get_mesh_info(const nusselt_context* context, nusselt_mes
 
 nusselt_status nusselt_mesh_memory_bound(const nusselt_context* context, const nusselt_mesh_desc* desc,
                                          size_t* held, size_t* peak) {
-    if (!desc || !held || !peak) return bad("no answer: desc, held or peak is null");
+    if (!desc || !held || !peak) return bad("no answer: desc, held or peak is null; pass all three");
     *held = *peak = 0;
     const nusselt_status size = check_size(sizeof(*desc), desc->size);
     if (size.code != NUSSELT_OK) return size;
@@ -205,7 +205,8 @@ uint32_t nusselt_quality_mask_bits(uint32_t quality) {
 }
 
 nusselt_status nusselt_submit(nusselt_context* context, const nusselt_frame_desc* desc, nusselt_frame* out) {
-    if (!context || !desc || !out) return bad("no frame started: context, desc or out is null");
+    if (!context || !desc || !out)
+        return bad("no frame started: context, desc or out is null; pass all three");
     *out = {};
     nusselt_status size = check_size(sizeof(*desc), desc->size);
     if (size.code == NUSSELT_OK) size = check_size(sizeof(nusselt_frame_mesh), desc->mesh_size);

@@ -31,7 +31,8 @@ Status check(const FrameDesc& desc) {
             return bad(
                 "no frame started: a stride is under 12 bytes or no multiple of 4; strides are in bytes");
         if (m.transfer.data && (m.transfer.stride < 100 || m.transfer.stride % 4 != 0))
-            return bad("no frame started: the transfer stride is under 100 bytes or no multiple of 4");
+            return bad("no frame started: the transfer stride is under 100 bytes or no multiple of 4; "
+                       "strides are in bytes");
         if (m.masks.data &&
             (m.masks.stride < kernels::mask_bytes(quality->layout) || m.masks.stride % 4 != 0))
             return bad("no frame started: the mask stride is too small for the quality, or no multiple of 4; "
@@ -435,7 +436,8 @@ Status submit(Context* context, const FrameDesc& desc, FrameId* out) {
 }
 
 Status poll(Context* context, FrameId id, bool* done) {
-    if (!context) return {StatusCode::invalid_argument, "nothing polled: the context is null"};
+    if (!context)
+        return {StatusCode::invalid_argument, "nothing polled: the context is null; pass the one of submit"};
     if (!done)
         return {StatusCode::invalid_argument, "nothing polled: done is null; pass where to write the answer"};
     *done = false;
@@ -449,7 +451,9 @@ Status poll(Context* context, FrameId id, bool* done) {
 }
 
 Status cancel(Context* context, FrameId id) {
-    if (!context) return {StatusCode::invalid_argument, "nothing cancelled: the context is null"};
+    if (!context)
+        return {StatusCode::invalid_argument,
+                "nothing cancelled: the context is null; pass the one of submit"};
     const std::lock_guard lock(context->guard);
     Frame* frame = find_frame(*context, id);
     if (!frame)
@@ -460,7 +464,9 @@ Status cancel(Context* context, FrameId id) {
 }
 
 Status wait(Context* context, FrameId id, FrameStats* stats) {
-    if (!context) return {StatusCode::invalid_argument, "nothing waited for: the context is null"};
+    if (!context)
+        return {StatusCode::invalid_argument,
+                "nothing waited for: the context is null; pass the one of submit"};
     const Zone zone(context->profiler, "nusselt wait");
     Frame* frame = nullptr;
     {
@@ -469,6 +475,10 @@ Status wait(Context* context, FrameId id, FrameStats* stats) {
         if (!frame)
             return {StatusCode::stale_handle,
                     "nothing waited for: no frame in flight has that handle; each is waited for once"};
+        if (frame->waited_for)
+            return {StatusCode::busy,
+                    "nothing waited for: another thread waits for that frame; let one thread wait for each"};
+        frame->waited_for = true;
     }
     jobs::wait(*frame->graph);
     if (stats) report(*frame, *stats);
@@ -478,7 +488,7 @@ Status wait(Context* context, FrameId id, FrameStats* stats) {
     const std::lock_guard lock(context->guard);
     release_meshes(*context, *frame);
     ++frame->generation;
-    frame->in_flight = false;
+    frame->in_flight = frame->waited_for = false;
     if (changed)
         return {StatusCode::changed,
                 "the frame is done, with results of no pose: positions or normals were written while it was "

@@ -120,6 +120,7 @@ struct Frame {
 
     uint32_t generation = 1;
     bool in_flight = false;
+    bool waited_for = false; // a thread is in `wait`
     std::atomic<bool> cancelled = false; // set at most once a frame; a task that sees it does nothing
     uint64_t start_ticks = 0;
     double start_ns = 0;

@@ -31,7 +31,7 @@ void sh_evaluate(float x, float y, float z, float out[25]) {
 Status sh_project_latlong(const float* rgb, uint32_t width, uint32_t height, float out[75], uint64_t* bad) {
     if (!rgb || !out || width == 0 || height == 0)
         return {StatusCode::invalid_argument,
-                "not projected: the image is null or empty; give width * height pixels"};
+                "not projected: the image or out is null, or the image empty; give width * height pixels"};
     const jobs::FloatEnvironment environment;
     double sum[75] = {};
     uint64_t refused = 0;
@@ -86,7 +86,8 @@ void sh_rotate(const float rotation[9], const float coefficients[25], float out[
 Status shade(const Context* context, const float light[75], TransferView transfer, Vec3View albedo,
              float* rgb) {
     if (!context || !light || !rgb || (!transfer.data && transfer.count > 0))
-        return {StatusCode::invalid_argument, "not shaded: context, light, transfer or rgb is null"};
+        return {StatusCode::invalid_argument,
+                "not shaded: context, light, transfer or rgb is null; all four are needed"};
     if (transfer.stride < 100 || transfer.stride % 4 != 0 ||
         (albedo.data && (albedo.count != transfer.count || albedo.stride < 12 || albedo.stride % 4 != 0)))
         return {StatusCode::invalid_argument,

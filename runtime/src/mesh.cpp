@@ -27,7 +27,7 @@ Status check(const MeshDesc& desc) {
     if (desc.index_count % 3 != 0)
         return bad("mesh not added: the index count is no multiple of 3; give three indices a triangle");
     if (desc.index_count > 0 && !desc.indices)
-        return bad("mesh not added: indices is null although index_count is not 0");
+        return bad("mesh not added: indices is null; give index_count indices, or a count of 0");
     for (size_t i = 0; i < desc.index_count; ++i) {
         if (desc.indices[i] >= p.count)
             return bad(

@@ -37,21 +37,6 @@ struct LateExecutor {
     uint32_t enqueued = 0;
 };
 
-// Threads of their own, one a task.
-struct ThreadExecutor {
-    static Executor hook(uint32_t concurrency) {
-        return {
-            nullptr,
-            [](void*, void (*run)(void*), void* argument) -> void* { return new std::thread(run, argument); },
-            [](void*, void* ticket) {
-                std::thread* thread = static_cast<std::thread*>(ticket);
-                thread->join();
-                delete thread;
-            },
-            concurrency};
-    }
-};
-
 TEST(Poll, SaysWhenAFrameIsDone) {
     Host host("cloth"); // serial: done when submit returns
     FrameId id;

@@ -8,9 +8,25 @@
 
 #include <map>
 #include <string>
+#include <thread>
 #include <vector>
 
 namespace nusselt::test {
+
+// Threads of their own, one a task.
+struct ThreadExecutor {
+    static Executor hook(uint32_t concurrency) {
+        return {
+            nullptr,
+            [](void*, void (*run)(void*), void* argument) -> void* { return new std::thread(run, argument); },
+            [](void*, void* ticket) {
+                std::thread* thread = static_cast<std::thread*>(ticket);
+                thread->join();
+                delete thread;
+            },
+            concurrency};
+    }
+};
 
 // Made once: the cloth is a simulation.
 inline const scenes::Scene& scene_of(const std::string& name) {

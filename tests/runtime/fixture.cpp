@@ -26,7 +26,7 @@ ContextDesc with_isa(Isa isa) {
 
 std::vector<Isa> available_isas() {
     std::vector<Isa> all;
-    for (const Isa isa : {Isa::scalar, Isa::sse4, Isa::avx2, Isa::avx512}) {
+    for (const Isa isa : {Isa::scalar, Isa::sse4, Isa::avx2, Isa::avx512, Isa::neon}) {
         if (isa_available(isa)) all.push_back(isa);
     }
     return all;

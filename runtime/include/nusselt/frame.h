@@ -87,6 +87,7 @@ Status poll(Context* context, FrameId frame, bool* done);
 Status cancel(Context* context, FrameId frame);
 
 // Helps until the frame is done; all results are then written. The handle is spent. `stats` may be null.
+// `stale_handle`: it was waited for; `busy`: another thread waits for it at this moment.
 // `changed`: the build is NUSSELT_CHECKED, and positions or normals are not those that were submitted; the
 // frame is over all the same, with results of neither pose.
 Status wait(Context* context, FrameId frame, FrameStats* stats);

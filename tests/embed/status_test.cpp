@@ -1,0 +1,339 @@
+// Every status that the sources hold is provoked here: its text is read from them, so that a new one fails
+// the test until it is provoked too. A checked build, for `changed`.
+#include "nusselt/c.h"
+#include "nusselt/nusselt.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <regex>
+#include <sstream>
+#include <thread>
+#include <vector>
+
+// heap.cpp: the heap of TBB and of the shared tables, which have no allocator of the caller's.
+extern std::atomic<bool> heap_is_empty;
+
+namespace nusselt::test {
+
+namespace {
+
+std::string read(const std::filesystem::path& path) {
+    std::ifstream file(path);
+    std::stringstream text;
+    text << file.rdbuf();
+    return text.str();
+}
+
+// The string literals that follow a status code in the sources, joined as the compiler joins them.
+std::map<std::string, std::string> texts_in_sources() {
+    const std::regex status(R"re((?:StatusCode::[a-z_]+,|NUSSELT_[A-Z_]+,|\bbad\()\s*((?:"[^"]*"\s*)+))re");
+    const std::regex literal("\"([^\"]*)\"");
+    std::map<std::string, std::string> texts; // and where they are
+    for (const char* folder : {"runtime/src", "jobs"}) {
+        for (const auto& entry :
+             std::filesystem::directory_iterator(std::filesystem::path(NUSSELT_SOURCE_DIR) / folder)) {
+            const std::string source = read(entry.path());
+            for (std::sregex_iterator i(source.begin(), source.end(), status), end; i != end; ++i) {
+                const std::string literals = (*i)[1];
+                std::string text;
+                for (std::sregex_iterator l(literals.begin(), literals.end(), literal); l != end; ++l)
+                    text += (*l)[1];
+                if (text != "ok") texts[text] = entry.path().filename().string();
+            }
+        }
+    }
+    return texts;
+}
+
+// Has memory while `left` lasts.
+struct Scarce {
+    Allocator hook() {
+        return {this,
+                [](void* user, size_t size, size_t alignment) -> void* {
+                    if (static_cast<Scarce*>(user)->left-- <= 0) return nullptr;
+                    return std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment);
+                },
+                [](void*, void* memory, size_t, size_t) { std::free(memory); }};
+    }
+    int64_t left = 1 << 30;
+};
+
+struct Statuses : testing::Test {
+    Statuses() {
+        ContextDesc desc;
+        desc.allocator = scarce.hook();
+        EXPECT_TRUE(create_context(desc, &context).ok());
+        EXPECT_TRUE(add_mesh(context, mesh_desc, &mesh).ok());
+        use = {mesh, {positions, 3, 12}, {normals, 3, 12}, {transfer.data(), 3, 100}, {masks.data(), 3, 128}};
+    }
+    ~Statuses() override { EXPECT_TRUE(destroy_context(context).ok()); }
+
+    void provoke(const Status& status, StatusCode wanted) {
+        EXPECT_EQ(status.code, wanted) << status.text;
+        seen[status.text] = status.code;
+    }
+    void provoke(const nusselt_status& status, StatusCode wanted) {
+        provoke(Status{static_cast<StatusCode>(status.code), status.text}, wanted);
+    }
+    template<class Change>
+    void refuse_mesh(Change change) {
+        MeshDesc desc = mesh_desc;
+        change(desc);
+        MeshId id{1, 1};
+        provoke(add_mesh(context, desc, &id), StatusCode::invalid_argument);
+        EXPECT_EQ(id.generation, 0u);
+    }
+    template<class Change>
+    void refuse_frame(Change change, StatusCode wanted = StatusCode::invalid_argument) {
+        FrameMesh two[2] = {use, use};
+        FrameDesc desc{two, 1};
+        change(desc, two[0]);
+        FrameId id{1, 1};
+        provoke(submit(context, desc, &id), wanted);
+        EXPECT_EQ(id.generation, 0u);
+    }
+    Status submit_use(FrameId* id) { return submit(context, {&use, 1}, id); }
+
+    float positions[9] = {0, 0, 0, 1, 0, 0, 0, 0, -1}, normals[9] = {0, 1, 0, 0, 1, 0, 0, 1, 0};
+    uint32_t indices[3] = {0, 1, 2};
+    std::vector<float> transfer = std::vector<float>(75);
+    std::vector<uint32_t> masks = std::vector<uint32_t>(3 * 128);
+    MeshDesc mesh_desc{{positions, 3, 12}, {normals, 3, 12}, indices, 3};
+    Scarce scarce;
+    Context* context = nullptr;
+    MeshId mesh;
+    FrameMesh use;
+    std::map<std::string, StatusCode> seen;
+
+    void of_contexts();
+    void of_executors();
+    void of_meshes();
+    void of_frames();
+    void of_frames_in_flight();
+    void of_memory();
+    void of_lighting();
+    void of_c();
+};
+
+void Statuses::of_contexts() {
+    provoke(check_version(0), StatusCode::unsupported);
+    Context* made = nullptr;
+    provoke(create_context({}, nullptr), StatusCode::invalid_argument);
+    ContextDesc desc;
+    desc.allocator.allocate = scarce.hook().allocate;
+    provoke(create_context(desc, &made), StatusCode::invalid_argument);
+    desc = {};
+    desc.executor.enqueue = serial_executor().enqueue;
+    provoke(create_context(desc, &made), StatusCode::invalid_argument);
+    desc = {};
+    desc.profiler.end = [](void*, const char*) {};
+    provoke(create_context(desc, &made), StatusCode::invalid_argument);
+    desc = {};
+    desc.isa = static_cast<Isa>(77);
+    provoke(create_context(desc, &made), StatusCode::unsupported);
+    setenv("NUSSELT_ISA", "altivec", 1);
+    provoke(create_context({}, &made), StatusCode::unsupported);
+    unsetenv("NUSSELT_ISA");
+    EXPECT_EQ(made, nullptr);
+}
+
+void Statuses::of_executors() {
+    Executor executor;
+    if (!has_feature(Feature::tbb)) {
+        provoke(create_tbb_executor(2, &executor), StatusCode::unsupported);
+        return;
+    }
+    provoke(create_tbb_executor(2, nullptr), StatusCode::invalid_argument);
+    provoke(create_tbb_executor(1 << 20, &executor), StatusCode::invalid_argument);
+    heap_is_empty = true;
+    const Status status = create_tbb_executor(2, &executor);
+    heap_is_empty = false;
+    provoke(status, StatusCode::out_of_memory);
+    EXPECT_EQ(executor.enqueue, nullptr);
+}
+
+void Statuses::of_meshes() {
+    MeshId id;
+    MeshInfo info;
+    MeshMemory bound;
+    provoke(add_mesh(nullptr, mesh_desc, &id), StatusCode::invalid_argument);
+    provoke(add_mesh(context, mesh_desc, nullptr), StatusCode::invalid_argument);
+    provoke(mesh_info(context, mesh, nullptr), StatusCode::invalid_argument);
+    provoke(mesh_info(context, {}, &info), StatusCode::stale_handle);
+    provoke(mesh_memory_bound(context, mesh_desc, nullptr), StatusCode::invalid_argument);
+    refuse_mesh([](MeshDesc& d) { d.rest_positions.data = nullptr; });
+    refuse_mesh([](MeshDesc& d) { d.rest_positions.count = SIZE_MAX; });
+    refuse_mesh([](MeshDesc& d) { d.rest_positions.stride = 8; });
+    refuse_mesh([](MeshDesc& d) { d.rest_normals.count = 2; });
+    refuse_mesh([](MeshDesc& d) { d.index_count = 2; });
+    refuse_mesh([](MeshDesc& d) { d.indices = nullptr; });
+    indices[1] = 3;
+    refuse_mesh([](MeshDesc&) {});
+    indices[1] = 1;
+}
+
+void Statuses::of_frames() {
+    FrameId id;
+    provoke(submit(nullptr, {&use, 1}, &id), StatusCode::invalid_argument);
+    provoke(submit(context, {&use, 1}, nullptr), StatusCode::invalid_argument);
+    refuse_frame([](FrameDesc& d, FrameMesh&) { d.quality = static_cast<Quality>(9); });
+    refuse_frame([](FrameDesc& d, FrameMesh&) { d.mesh_count = 0; });
+    refuse_frame([](FrameDesc& d, FrameMesh&) { d.mesh_count = 2; }); // the same one twice
+    refuse_frame([](FrameDesc&, FrameMesh& m) { m.positions.data = nullptr; });
+    refuse_frame([](FrameDesc&, FrameMesh& m) { m.normals.stride = 10; });
+    refuse_frame([](FrameDesc&, FrameMesh& m) { m.transfer.stride = 96; });
+    refuse_frame([](FrameDesc&, FrameMesh& m) { m.masks.stride = 124; });
+    refuse_frame([](FrameDesc&, FrameMesh& m) { m.transfer.data = nullptr; });
+    refuse_frame([](FrameDesc&, FrameMesh& m) { m.positions.count = SIZE_MAX; });
+    refuse_frame([](FrameDesc&, FrameMesh& m) { ++m.mesh.generation; }, StatusCode::stale_handle);
+}
+
+void Statuses::of_frames_in_flight() {
+    FrameId id, second;
+    bool done = false;
+    provoke(poll(nullptr, {}, &done), StatusCode::invalid_argument);
+    provoke(poll(context, {}, nullptr), StatusCode::invalid_argument);
+    provoke(poll(context, {}, &done), StatusCode::stale_handle);
+    provoke(cancel(nullptr, {}), StatusCode::invalid_argument);
+    provoke(cancel(context, {}), StatusCode::stale_handle);
+    provoke(wait(nullptr, {}, nullptr), StatusCode::invalid_argument);
+    provoke(wait(context, {}, nullptr), StatusCode::stale_handle);
+
+    ASSERT_TRUE(submit_use(&id).ok());
+    refuse_frame([](FrameDesc&, FrameMesh&) {}, StatusCode::busy);
+    provoke(remove_mesh(context, mesh), StatusCode::busy);
+    provoke(destroy_context(context), StatusCode::busy);
+    positions[3] = 2; // borrowed
+    provoke(wait(context, id, nullptr), StatusCode::changed);
+    positions[3] = 1;
+
+    // A thread that waits, held up by its executor until another one has tried.
+    struct Held {
+        std::atomic<bool> waiting = false, go_on = false;
+    } held;
+    ContextDesc desc;
+    desc.executor = {&held,
+                     [](void*, void (*run)(void*), void* argument) -> void* {
+                         run(argument);
+                         static int ticket;
+                         return &ticket;
+                     },
+                     [](void* user, void*) {
+                         static_cast<Held*>(user)->waiting = true;
+                         while (!static_cast<Held*>(user)->go_on)
+                             std::this_thread::yield();
+                     },
+                     1};
+    Context* other = nullptr;
+    ASSERT_TRUE(create_context(desc, &other).ok());
+    FrameMesh mine = use;
+    ASSERT_TRUE(add_mesh(other, mesh_desc, &mine.mesh).ok());
+    ASSERT_TRUE(submit(other, {&mine, 1}, &second).ok());
+    std::thread waits([&] { EXPECT_TRUE(wait(other, second, nullptr).ok()); });
+    while (!held.waiting)
+        std::this_thread::yield();
+    provoke(wait(other, second, nullptr), StatusCode::busy);
+    provoke(destroy_context(other), StatusCode::busy);
+    held.go_on = true;
+    waits.join();
+    provoke(wait(other, second, nullptr), StatusCode::stale_handle);
+    EXPECT_TRUE(destroy_context(other).ok());
+}
+
+void Statuses::of_memory() {
+    Context* made = nullptr;
+    Scarce none;
+    none.left = 0;
+    ContextDesc desc;
+    desc.allocator = none.hook();
+    provoke(create_context(desc, &made), StatusCode::out_of_memory);
+    MeshId id;
+    MeshMemory bound;
+    FrameId frame;
+    scarce.left = 0;
+    provoke(add_mesh(context, mesh_desc, &id), StatusCode::out_of_memory);
+    provoke(mesh_memory_bound(context, mesh_desc, &bound), StatusCode::out_of_memory);
+    scarce.left = 1 << 30;
+    // Larger than any frame so far, so that it needs memory.
+    std::vector<float> points(3 * 5000), out(25 * 5000);
+    for (size_t i = 0; i < points.size(); ++i)
+        points[i] = 1 + float(i);
+    FrameMesh large = use;
+    large.positions = large.normals = {points.data(), 5000, 12};
+    large.transfer = {out.data(), 5000, 100};
+    large.masks = {};
+    ASSERT_TRUE(add_mesh(context, {large.positions, {}, nullptr, 0}, &large.mesh).ok());
+    scarce.left = 0;
+    provoke(submit(context, {&large, 1}, &frame), StatusCode::out_of_memory);
+    scarce.left = 1 << 30;
+    heap_is_empty = true; // no tables of this quality yet
+    const Status tables = submit(context, {&large, 1, Quality::paper}, &frame);
+    heap_is_empty = false;
+    provoke(tables, StatusCode::out_of_memory);
+    ASSERT_TRUE(submit(context, {&large, 1, Quality::paper}, &frame).ok());
+    EXPECT_TRUE(wait(context, frame, nullptr).ok());
+}
+
+void Statuses::of_lighting() {
+    float light[75], rgb[9];
+    provoke(sh_project_latlong(nullptr, 1, 1, light, nullptr), StatusCode::invalid_argument);
+    provoke(shade(nullptr, light, use.transfer, {}, rgb), StatusCode::invalid_argument);
+    provoke(shade(context, light, {transfer.data(), 3, 10}, {}, rgb), StatusCode::invalid_argument);
+}
+
+void Statuses::of_c() {
+    nusselt_context* c = reinterpret_cast<nusselt_context*>(context);
+    nusselt_mesh_desc desc = {};
+    nusselt_mesh id;
+    size_t held;
+    provoke(nusselt_create_tbb_executor(2, nullptr), StatusCode::invalid_argument);
+    provoke(nusselt_create_context(nullptr, nullptr), StatusCode::invalid_argument);
+    provoke(nusselt_add_mesh(c, nullptr, &id), StatusCode::invalid_argument);
+    provoke(nusselt_add_mesh(c, &desc, &id), StatusCode::invalid_argument); // no size
+    desc.size = sizeof desc + 1;
+    provoke(nusselt_add_mesh(c, &desc, &id), StatusCode::unsupported);
+    provoke(nusselt_get_mesh_info(c, {}, nullptr), StatusCode::invalid_argument);
+    provoke(nusselt_mesh_memory_bound(c, &desc, &held, nullptr), StatusCode::invalid_argument);
+    provoke(nusselt_submit(nullptr, nullptr, nullptr), StatusCode::invalid_argument);
+    // More meshes than fit the stack: they are gathered in memory of the host's.
+    const std::vector<nusselt_frame_mesh> many(100);
+    nusselt_frame_desc frame = {sizeof frame, many.data(), sizeof many[0], static_cast<uint32_t>(many.size()),
+                                0};
+    nusselt_frame handle;
+    scarce.left = 0;
+    provoke(nusselt_submit(c, &frame, &handle), StatusCode::out_of_memory);
+    scarce.left = 1 << 30;
+}
+
+TEST_F(Statuses, EveryOneIsProvoked) {
+    of_contexts();
+    of_executors();
+    of_meshes();
+    of_frames();
+    of_frames_in_flight();
+    of_memory();
+    of_lighting();
+    of_c();
+    const std::map<std::string, std::string> texts = texts_in_sources();
+    EXPECT_GT(texts.size(), 50u);
+    for (const auto& [text, file] : texts) {
+        const bool of_no_tbb = text.find("built without TBB") != std::string::npos;
+        const bool of_tbb = file == "tbb_executor.cpp" && !of_no_tbb;
+        if (has_feature(Feature::tbb) ? of_no_tbb : of_tbb) continue; // of another build
+        EXPECT_EQ(seen.count(text), 1u) << file << ": nothing here provokes \"" << text << '"';
+    }
+    // What happens, then what to do about it.
+    for (const auto& [text, code] : seen) {
+        EXPECT_EQ(texts.count(text), 1u) << text;
+        EXPECT_NE(text.find(';'), std::string::npos) << "names no cure: " << text;
+    }
+}
+
+} // namespace
+
+} // namespace nusselt::test
