@@ -2,6 +2,8 @@
 // front of the others'. Nothing is allocated after it was made.
 #pragma once
 
+#include "trace.h"
+
 #include <array>
 #include <atomic>
 #include <memory>
@@ -18,8 +20,6 @@ struct Job {
 
 class JobSystem {
 public:
-    inline static thread_local uint32_t this_thread = 0; // 0 for the main thread, then the workers
-
     explicit JobSystem(uint32_t workers) : queues(new Queue[workers + 1]), queue_count(workers + 1) {
         for (uint32_t i = 1; i <= workers; ++i)
             threads.emplace_back([this, i] {
@@ -47,11 +47,7 @@ public:
             job.name = name;
             job.run = run;
             job.argument = argument;
-            {
-                Queue& queue = queues[this_thread];
-                const std::lock_guard lock(queue.guard);
-                queue.ring[queue.back++ % queue.ring.size()] = &job; // has room for all jobs
-            }
+            queues[this_thread].push(&job);
             ++pushed;
             pushed.notify_one();
             return &job;
@@ -65,11 +61,13 @@ public:
             if (!run_one()) job->state.wait(1);
         if (job) job->state = 0;
     }
-    void (*begin)(void* user, const char* name) = nullptr; // around every job; set while there is none
-    void (*end)(void* user, const char* name) = nullptr;
 
 private:
     struct Queue {
+        void push(Job* job) {
+            const std::lock_guard lock(guard);
+            ring[back++ % ring.size()] = job; // has room for all jobs
+        }
         std::mutex guard;
         std::array<Job*, 256> ring{};
         uint32_t front = 0, back = 0;
@@ -83,9 +81,9 @@ private:
             job = queue.ring[(i == 0 ? --queue.back : queue.front++) % queue.ring.size()];
         }
         if (!job) return false;
-        if (begin) begin(nullptr, job->name);
+        begin_zone(nullptr, job->name);
         job->run(job->argument);
-        if (end) end(nullptr, job->name);
+        end_zone(nullptr, job->name);
         job->state = 2;
         job->state.notify_all();
         return true;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <cstdio>
 #include <vector>
 
@@ -11,11 +12,12 @@ struct Event {
     char phase; // B or E
 };
 
-inline std::vector<std::vector<Event>> trace_events; // by thread, as much as was reserved
+inline thread_local uint32_t this_thread = 0;        // 0 is the main thread, then the workers
+inline std::vector<std::vector<Event>> trace_events; // by thread, as many as were reserved
 
 inline void record(const char* name, char phase) {
     if (trace_events.empty()) return;
-    std::vector<Event>& mine = trace_events[JobSystem::this_thread];
+    std::vector<Event>& mine = trace_events[this_thread];
     const std::chrono::duration<double, std::micro> now = std::chrono::steady_clock::now().time_since_epoch();
     if (mine.size() < mine.capacity()) mine.push_back({name, now.count(), phase});
 }
