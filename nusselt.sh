@@ -7,6 +7,10 @@
 #   bench [ARGS]     build and run the benchmarks, results in out/bench; ARGS go to Google Benchmark (--benchmark_filter=...)
 #   stress [MINUTES] all stress tests and fuzz targets within MINUTES (default 30), and their ledger, docs/trust-ledger.md
 #   sanitize         all tests under the address and undefined-behaviour sanitizers, threads under the thread sanitizer
+#   determinism [HOW]
+#                    golden hashes with every compiler, optimisation, executor and floating-point mode, and mutations
+#                    that must be found (an hour); HOW: quick, compilers, everything, mutations or arm instead of all
+#   arm              the same kernels cross-built for aarch64, run by qemu-user against the same hashes
 #   install          install the packages that the build needs (third_party/install.sh)
 #   format           format all C++ files with clang-format 14
 #   check            fail where clang-format 14 would change a file or an include points the wrong way
@@ -136,6 +140,18 @@ case $command in
         ;;
     stress) stress "$@" ;;
     sanitize) sanitize "$@" ;;
+    determinism)
+        case ${1:-all} in
+            all) third_party/install.sh compilers arm ;;
+            compilers | arm) third_party/install.sh "$1" ;;
+            *) install ;;
+        esac
+        tests/determinism/matrix.sh "$@"
+        ;;
+    arm)
+        third_party/install.sh arm
+        tests/determinism/matrix.sh arm
+        ;;
     install) install ;;
     format) cxx_files | xargs -r "$(clang_format)" -i ;;
     lint) lint ;;

@@ -82,7 +82,7 @@ endif()
 unset(CMAKE_FIND_PACKAGE_TARGETS_GLOBAL)
 
 # Scenes, tools, benchmarks, tests, examples.
-if(NUSSELT_TOOLS OR NUSSELT_BENCH OR NUSSELT_TESTS OR NUSSELT_EXAMPLES)
+if(NUSSELT_TOOLS OR NUSSELT_BENCH OR NUSSELT_TESTS OR NUSSELT_EXAMPLES OR NUSSELT_DETERMINISM)
     nusselt_package(glm glm glm::glm)
     if(NOT glm_found)
         nusselt_headers(glm glm/glm.hpp)

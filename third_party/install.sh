@@ -1,21 +1,33 @@
 #!/usr/bin/env bash
-# Installs what the build needs and this machine lacks. Usage: third_party/install.sh
+# Installs what the build needs and this machine lacks. Usage: third_party/install.sh [compilers] [arm]
+#   compilers   also the compilers of tests/determinism/matrix.sh
+#   arm         also the cross compiler and the emulator of its aarch64
 #
 # On Debian and its kin: only the missing packages, by apt-get, as root or through sudo, without questions of its own.
 # Elsewhere, or without sudo: prints the packages to get and returns 0, so that a build can go on with what is there.
 set -euo pipefail
 
 packages=(
-    git g++ cmake ninja-build clang-format
+    git g++ cmake ninja-build clang-format pkgconf python3 python3-numpy
     libtbb-dev libhwy-dev libglm-dev libmeshoptimizer-dev
     libtinygltf-dev libstb-dev libcli11-dev nlohmann-json3-dev libembree-dev libopenexr-dev
     libgtest-dev libbenchmark-dev
 )
+for more in "$@"; do
+    case $more in
+        compilers) packages+=(g++-12 clang-14 lld-14 clang-19 lld-19) ;; # all in Debian 12 itself
+        arm) packages+=(g++-aarch64-linux-gnu qemu-user) ;;
+        *)
+            echo "install.sh: nothing called '$more'; usage: third_party/install.sh [compilers] [arm]" >&2
+            exit 2
+            ;;
+    esac
+done
 
 if ! command -v apt-get >/dev/null || ! command -v dpkg-query >/dev/null; then
     cat >&2 <<'TEXT'
 This system has no apt-get. nusselt needs a C++20 compiler, git, CMake 3.24, Ninja, and these packages; going on with
-what is there.
+what is there. (Tests use pkgconf and Python with NumPy, where they are.)
   Fedora:   gcc-c++ cmake ninja-build git clang-tools-extra tbb-devel highway-devel glm-devel meshoptimizer-devel
             tinygltf-devel stb_image-devel cli11-devel json-devel embree3-devel openexr-devel gtest-devel
             google-benchmark-devel

@@ -1,6 +1,10 @@
 // Compares results with tests/golden/hashes.txt, with the standard library alone: so that any compiler, also
-// a cross compiler, can build it. Usage: hashes HASHES [FIRST_SCENES]. Every check is one frame: scenes,
-// instruction sets, numbers of workers, floating-point modes of the host. Exit status 1 where a hash differs.
+// a cross compiler, can build it. Every check is one frame of a context and meshes of its own. Exit status 1
+// where a hash differs. Usage: hashes HASHES [one|some|all]   (default: some)
+//   one   the first scene, as under `some`
+//   some  every entry of the file on every instruction set, and each scene's first one with every number of
+//         workers, executor and floating-point mode of the host: some hundreds of checks
+//   all   everything with everything, the slow reference too
 #include "bench/scenes/scene.h"
 #include "nusselt/nusselt.h"
 
@@ -9,6 +13,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <map>
+#include <memory>
 #include <string>
 #include <thread>
 #include <vector>
@@ -34,18 +39,43 @@ void check(const Status& status) {
     std::exit(1);
 }
 
+// The last task first, and none before `finish`: all on the thread that waits.
+struct LastFirst {
+    struct Task {
+        void (*run)(void*);
+        void* argument;
+        bool returned = false;
+    };
+    static void* enqueue(void* user, void (*run)(void*), void* argument) {
+        LastFirst& self = *static_cast<LastFirst*>(user);
+        self.waiting.push_back(new Task{run, argument});
+        return self.waiting.back();
+    }
+    static void finish(void* user, void* ticket) {
+        LastFirst& self = *static_cast<LastFirst*>(user);
+        Task* const wanted = static_cast<Task*>(ticket);
+        while (!wanted->returned) {
+            Task* const task = self.waiting.back();
+            self.waiting.pop_back();
+            task->run(task->argument);
+            task->returned = true;
+        }
+        delete wanted;
+    }
+    std::vector<Task*> waiting;
+};
+
 // One thread a task.
-Executor thread_executor(uint32_t workers) {
-    if (workers == 0) return serial_executor();
-    return {nullptr,
-            [](void*, void (*run)(void*), void* argument) -> void* { return new std::thread(run, argument); },
-            [](void*, void* ticket) {
-                std::thread* thread = static_cast<std::thread*>(ticket);
-                thread->join();
-                delete thread;
-            },
-            workers};
+void* start_thread(void*, void (*run)(void*), void* argument) {
+    return new std::thread(run, argument);
 }
+void join_thread(void*, void* ticket) {
+    const std::unique_ptr<std::thread> thread(static_cast<std::thread*>(ticket));
+    thread->join();
+}
+
+enum class Kind { serial, threads, last_first, tbb };
+constexpr const char* kind_names[] = {"serial", "threads", "last task first", "TBB"};
 
 // The host's modes while a frame is submitted and waited for; threads made meanwhile inherit them.
 enum class Mode { usual, down, up, toward_zero, flush_denormals };
@@ -75,8 +105,9 @@ struct ModeScope {
 
 struct Setup {
     Isa isa;
-    uint32_t workers;
-    Mode mode;
+    Kind kind = Kind::serial;
+    uint32_t workers = 1;
+    Mode mode = Mode::usual;
 };
 
 struct Entry {
@@ -88,9 +119,13 @@ struct Entry {
 uint64_t run(const scenes::Scene& scene, const Entry& entry, const Setup& setup) {
     scenes::Pose pose;
     scene.pose(entry.time * scene.duration, pose);
-    const ModeScope mode(setup.mode);
+    LastFirst last_first;
     ContextDesc desc;
-    desc.executor = thread_executor(setup.workers);
+    if (setup.kind == Kind::threads) desc.executor = {nullptr, start_thread, join_thread, setup.workers};
+    if (setup.kind == Kind::last_first)
+        desc.executor = {&last_first, LastFirst::enqueue, LastFirst::finish, setup.workers};
+    if (setup.kind == Kind::tbb) check(create_tbb_executor(setup.workers, &desc.executor));
+    const ModeScope mode(setup.mode);
     desc.isa = setup.isa;
     Context* context = nullptr;
     check(create_context(desc, &context));
@@ -120,6 +155,7 @@ uint64_t run(const scenes::Scene& scene, const Entry& entry, const Setup& setup)
     check(submit(context, {meshes.data(), static_cast<uint32_t>(meshes.size()), entry.quality}, &frame));
     check(wait(context, frame, nullptr));
     check(destroy_context(context));
+    destroy_executor(&desc.executor);
     uint64_t hash = 0xcbf29ce484222325u;
     for (size_t m = 0; m < meshes.size(); ++m) {
         hash = hash_bytes(transfer[m].data(), 4 * transfer[m].size(), hash);
@@ -144,38 +180,76 @@ std::map<std::string, std::vector<Entry>> read(const char* path) {
     return entries;
 }
 
+constexpr uint32_t worker_counts[] = {1, 2, 3, 8, 64};
+constexpr Mode modes[] = {Mode::usual, Mode::down, Mode::up, Mode::toward_zero, Mode::flush_denormals};
+
+std::vector<Kind> kinds() {
+    std::vector<Kind> all = {Kind::serial, Kind::threads, Kind::last_first};
+    if (has_feature(Feature::tbb)) all.push_back(Kind::tbb);
+    return all;
+}
+
+// The reference is slow, and has nothing of its own to do with executors.
+bool is_slow(Isa isa) {
+    return isa == Isa::scalar && has_feature(Feature::simd);
+}
+
+std::vector<Setup> setups(bool all, bool first) {
+    std::vector<Setup> made;
+    for (const Isa isa : {Isa::scalar, Isa::sse4, Isa::avx2, Isa::avx512, Isa::neon}) {
+        if (!isa_available(isa)) continue;
+        if (all) {
+            for (const Kind kind : kinds()) {
+                for (const uint32_t workers : worker_counts) {
+                    if (kind == Kind::serial && workers > 1) continue;
+                    for (const Mode mode : modes)
+                        made.push_back({isa, kind, workers, mode});
+                }
+            }
+            continue;
+        }
+        if (first || !is_slow(isa)) made.push_back({isa});
+        if (!first) continue;
+        for (const Mode mode : modes) {
+            if (mode == Mode::usual) continue;
+            made.push_back({isa, Kind::serial, 1, mode});
+            if (is_slow(isa)) break;
+            for (const Kind kind : kinds()) {
+                if (kind != Kind::serial) made.push_back({isa, kind, 2, mode});
+            }
+        }
+        for (const Kind kind : kinds()) {
+            if (kind == Kind::serial || is_slow(isa)) continue;
+            for (const uint32_t workers : worker_counts)
+                made.push_back({isa, kind, workers});
+        }
+    }
+    return made;
+}
+
 } // namespace
 
 int main(int argc, char** argv) {
-    if (argc < 2) return 2;
-    const std::map<std::string, std::vector<Entry>> entries = read(argv[1]);
-    size_t scenes_left = argc > 2 ? size_t(std::atoi(argv[2])) : entries.size();
+    const std::string how = argc > 2 ? argv[2] : "some";
+    if (argc < 2 || argc > 3 || (how != "one" && how != "some" && how != "all")) {
+        std::fprintf(stderr, "usage: hashes HASHES [one|some|all]\n");
+        return 2;
+    }
     int checks = 0, wrong = 0;
-    for (auto scene = entries.begin(); scene != entries.end() && scenes_left > 0; ++scene, --scenes_left) {
-        const scenes::Scene made = scenes::builtin(scene->first);
-        for (const Entry& entry : scene->second) {
-            const bool first = &entry == &scene->second.front();
-            std::vector<Setup> setups;
-            for (const Isa isa : {Isa::scalar, Isa::sse4, Isa::avx2, Isa::avx512, Isa::neon}) {
-                if (!isa_available(isa)) continue;
-                if (isa != Isa::scalar || first || !has_feature(Feature::simd))
-                    setups.push_back({isa, 0, Mode::usual});
-                // The reference is slow, and the modes and workers are the same code's.
-                if (isa == Isa::scalar && has_feature(Feature::simd)) continue;
-                for (const uint32_t workers : {1u, 2u, 3u, 8u, 64u})
-                    if (first) setups.push_back({isa, workers, Mode::usual});
-                for (const Mode mode : {Mode::down, Mode::up, Mode::toward_zero, Mode::flush_denormals})
-                    if (first) setups.push_back({isa, 2, mode});
-            }
-            for (const Setup& setup : setups) {
+    for (const auto& [name, entries] : read(argv[1])) {
+        const scenes::Scene scene = scenes::builtin(name);
+        for (const Entry& entry : entries) {
+            for (const Setup& setup : setups(how == "all", &entry == &entries.front())) {
                 ++checks;
-                if (run(made, entry, setup) == entry.hash) continue;
+                if (run(scene, entry, setup) == entry.hash) continue;
                 ++wrong;
-                std::printf("%s %.1f %s: another hash with %s, %u workers, mode %s\n", scene->first.c_str(),
-                            entry.time, quality_name(entry.quality), isa_name(setup.isa), setup.workers,
+                std::printf("%s %.1f %s: another hash with %s, %s, %u workers, mode %s\n", name.c_str(),
+                            entry.time, quality_name(entry.quality), isa_name(setup.isa),
+                            kind_names[static_cast<int>(setup.kind)], setup.workers,
                             mode_names[static_cast<int>(setup.mode)]);
             }
         }
+        if (how == "one") break;
     }
     std::printf("%d checks, %d wrong; %s\n", checks, wrong, configuration());
     return checks > 0 && wrong == 0 ? 0 : 1;

@@ -44,6 +44,17 @@ expected='apt-get -q -y update
 apt-get -q -y install --no-install-recommends libtbb-dev libhwy-dev'
 [[ $(<"$LOG") == "$expected" ]] || fail "installing two packages ran: $(<"$LOG")"
 
+# A group adds its own; one that isn't is told.
+stand_in dpkg-query <<'TEXT'
+[[ ${!#} == qemu-user || ${!#} == clang-19 ]] || printf installed
+TEXT
+rm "$LOG"
+PATH=$work/bin "$root/third_party/install.sh" arm </dev/null >"$work/out"
+[[ $(tail -n 1 "$LOG") == *"--no-install-recommends qemu-user" ]] || fail "installing for arm ran: $(<"$LOG")"
+code=0
+PATH=$work/bin "$root/third_party/install.sh" sparc </dev/null 2>"$work/err" || code=$?
+[[ $code == 2 ]] && grep -q sparc "$work/err" || fail "an unknown group: exit $code"
+
 # None is missing: nothing runs, nothing is said.
 rm "$LOG"
 stand_in dpkg-query <<<'printf installed'
