@@ -5,6 +5,7 @@
 #   test [ARGS]      install what is missing, build, run all tests; ARGS go to ctest (-R NAME, -L LABEL, -LE slow, ...)
 #   build [TARGETS]  build the preset; the program lies in build/release/bin
 #   bench [ARGS]     build and run the benchmarks, results in out/bench; ARGS go to Google Benchmark (--benchmark_filter=...)
+#   scaling [ARGS]   build and run bench/scaling on 1 to all cores, results in out/scaling.json; ARGS: --quick, --threads N
 #   stress [MINUTES] all stress tests and fuzz targets within MINUTES (default 30), and their ledger, docs/trust-ledger.md
 #   sanitize         all tests under the address and undefined-behaviour sanitizers, threads under the thread sanitizer
 #   determinism [HOW]
@@ -151,6 +152,11 @@ case $command in
     arm)
         third_party/install.sh arm
         tests/determinism/matrix.sh arm
+        ;;
+    scaling)
+        build scaling
+        mkdir -p out
+        "build/$preset/bin/scaling" --json out/scaling.json "$@"
         ;;
     install) install ;;
     format) cxx_files | xargs -r "$(clang_format)" -i ;;

@@ -1,6 +1,6 @@
 // Compares results with tests/golden/hashes.txt, with the standard library alone: so that any compiler, also
 // a cross compiler, can build it. Every check is one frame of a context and meshes of its own. Exit status 1
-// where a hash differs. Usage: hashes HASHES [one|some|all]   (default: some)
+// where a hash differs. Usage: hashes HASHES [one|some|all [SCENE]]   (default: some)
 //   one   the first scene, as under `some`
 //   some  every entry of the file on every instruction set, and each scene's first one with every number of
 //         workers, executor and floating-point mode of the host: some hundreds of checks
@@ -231,12 +231,14 @@ std::vector<Setup> setups(bool all, bool first) {
 
 int main(int argc, char** argv) {
     const std::string how = argc > 2 ? argv[2] : "some";
-    if (argc < 2 || argc > 3 || (how != "one" && how != "some" && how != "all")) {
-        std::fprintf(stderr, "usage: hashes HASHES [one|some|all]\n");
+    const std::string only = argc > 3 ? argv[3] : "";
+    if (argc < 2 || argc > 4 || (how != "one" && how != "some" && how != "all")) {
+        std::fprintf(stderr, "usage: hashes HASHES [one|some|all [SCENE]]\n");
         return 2;
     }
     int checks = 0, wrong = 0;
     for (const auto& [name, entries] : read(argv[1])) {
+        if (!only.empty() && name != only) continue;
         const scenes::Scene scene = scenes::builtin(name);
         for (const Entry& entry : entries) {
             for (const Setup& setup : setups(how == "all", &entry == &entries.front())) {

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Golden hashes with every compiler and optimisation, and mutations that must change them.
-# Usage: matrix.sh [quick | all | compilers [NAME...] | everything | mutations | arm]   (default: all)
+# Usage: matrix.sh [quick | all | compilers [NAME...] | everything [SCENE] | mutations | arm]   (default: all)
 #   quick       the default compiler at -O2, one scene
 #   all         compilers, everything, mutations and arm
 #   compilers   g++-12, clang++-14 and clang++-19, or those named, x {-O0, -O2, -O3 with link-time optimisation}:
@@ -43,7 +43,8 @@ check() {
     local name=$1 wanted=$2 how=$3
     shift 3
     local output result=same
-    output=$("$@" "$work/$name/hashes" tests/golden/hashes.txt "$how") || result=other
+    # shellcheck disable=SC2086
+    output=$("$@" "$work/$name/hashes" tests/golden/hashes.txt $how) || result=other
     # A program that broke down has not found another hash.
     [[ $output == *" wrong; "* ]] || result="not told"
     if [[ $result == "$wanted" ]]; then
@@ -88,7 +89,7 @@ compilers() {
     done
 }
 
-everything() { try everything same all "${CXX:-c++}" -O2; }
+everything() { try everything same "all ${1:-}" "${CXX:-c++}" -O2; }
 
 # swap NAME FILE BEFORE AFTER: a copy of the sources with one line of one file changed, whose hashes must differ.
 swap() {
@@ -156,7 +157,7 @@ case ${1:-all} in
         shift
         compilers "$@"
         ;;
-    everything) everything ;;
+    everything) everything "${2:-}" ;;
     mutations) mutations ;;
     arm) arm ;;
     all)

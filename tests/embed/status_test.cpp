@@ -116,6 +116,7 @@ struct Statuses : testing::Test {
     void of_frames();
     void of_frames_in_flight();
     void of_memory();
+    void of_cameras();
     void of_lighting();
     void of_c();
 };
@@ -279,6 +280,17 @@ void Statuses::of_memory() {
     EXPECT_TRUE(wait(context, frame, nullptr).ok());
 }
 
+void Statuses::of_cameras() {
+    uint32_t needed = 0;
+    provoke(mark_visible({}, use.positions, indices, 3, nullptr), StatusCode::invalid_argument);
+    provoke(mark_visible({}, {positions, 3, 8}, indices, 3, &needed), StatusCode::invalid_argument);
+    provoke(mark_visible({}, use.positions, indices, 2, &needed), StatusCode::invalid_argument);
+    indices[2] = 3;
+    provoke(mark_visible({}, use.positions, indices, 3, &needed), StatusCode::invalid_argument);
+    indices[2] = 2;
+    EXPECT_EQ(needed, 0u);
+}
+
 void Statuses::of_lighting() {
     float light[75], rgb[9];
     provoke(sh_project_latlong(nullptr, 1, 1, light, nullptr), StatusCode::invalid_argument);
@@ -300,6 +312,7 @@ void Statuses::of_c() {
     provoke(nusselt_get_mesh_info(c, {}, nullptr), StatusCode::invalid_argument);
     provoke(nusselt_mesh_memory_bound(c, &desc, &held, nullptr), StatusCode::invalid_argument);
     provoke(nusselt_submit(nullptr, nullptr, nullptr), StatusCode::invalid_argument);
+    provoke(nusselt_mark_visible(nullptr, {}, nullptr, 0, nullptr), StatusCode::invalid_argument);
     // More meshes than fit the stack: they are gathered in memory of the host's.
     const std::vector<nusselt_frame_mesh> many(100);
     nusselt_frame_desc frame = {sizeof frame, many.data(), sizeof many[0], static_cast<uint32_t>(many.size()),
@@ -317,6 +330,7 @@ TEST_F(Statuses, EveryOneIsProvoked) {
     of_frames();
     of_frames_in_flight();
     of_memory();
+    of_cameras();
     of_lighting();
     of_c();
     const std::map<std::string, std::string> texts = texts_in_sources();
