@@ -1,4 +1,4 @@
-// The task hook: where the frame's tasks run. See jobs/README.md for two adapters of foreign job systems.
+// The task hook: where the frame's tasks run. examples/ adapts two job systems; jobs/README.md says how.
 #pragma once
 
 #include "nusselt/status.h"
@@ -7,16 +7,15 @@
 
 namespace nusselt {
 
-// The contract, both ways:
-//  - `enqueue` runs `run(argument)` exactly once: later on any thread, or at once, inline, in which case it
-//  returns
-//    null. A non-null ticket is passed to `finish` exactly once, from a thread inside `wait`; `finish`
-//    returns when that task has returned. `enqueue` may be called from inside a task.
-//  - A task never blocks, never waits for another task, throws nothing and allocates nothing. So one thread
-//  that runs
-//    the tasks in any order finishes the frame, and tasks that start only inside `finish` are enough.
-//  - The thread that waits helps: it works through the frame itself before it calls `finish`.
-//  - At most `concurrency` tasks of one frame are queued or running at a time; 0 means 1.
+// The contract, both ways.
+// 1. `enqueue` runs `run(argument)` exactly once: later on any thread, or at once, inline, and then it
+// returns null. It may be called from inside a task.
+// 2. A ticket that is not null is passed to `finish` exactly once, from a thread inside `wait`; `finish`
+// returns when that task has returned, and what it wrote is then visible to the caller.
+// 3. A task never blocks, never waits for another task, throws nothing and allocates nothing: one thread that
+// runs the tasks in any order finishes the frame, and tasks that start only inside `finish` are enough.
+// 4. The thread that waits helps: it works through the frame itself before it calls `finish`.
+// 5. At most `concurrency` tasks of one frame are queued or running at a time; 0 means 1.
 struct Executor {
     void* user = nullptr;
     void* (*enqueue)(void* user, void (*run)(void* argument), void* argument) = nullptr;
