@@ -12,7 +12,7 @@
 #                    golden hashes with every compiler, optimisation, executor and floating-point mode, and mutations
 #                    that must be found (an hour); HOW: quick, compilers, everything, mutations or arm instead of all
 #   arm              the same kernels cross-built for aarch64, run by qemu-user against the same hashes
-#   install          install the packages that the build needs (third_party/install.sh)
+#   install          install the packages that build and tests need (third_party/install.sh)
 #   format           format all C++ files with clang-format 14
 #   check            fail where clang-format 14 would change a file or an include points the wrong way
 #   lint             check, then clang-tidy where it is installed
@@ -48,7 +48,7 @@ clang_format() {
     return 1
 }
 
-install() { third_party/install.sh; }
+install() { third_party/install.sh "$@"; }
 
 build() {
     local launcher=()
@@ -125,7 +125,7 @@ case $command in
         "build/$preset/bin/nusselt" demo --out out/demo "$@"
         ;;
     test)
-        install
+        install tests
         build
         ctest --test-dir "build/$preset" --output-on-failure --no-tests=error --parallel "${JOBS:-2}" "$@"
         ;;
@@ -158,7 +158,7 @@ case $command in
         mkdir -p out
         "build/$preset/bin/scaling" --json out/scaling.json "$@"
         ;;
-    install) install ;;
+    install) install tests ;;
     format) cxx_files | xargs -r "$(clang_format)" -i ;;
     lint) lint ;;
     check) check ;;

@@ -1,5 +1,6 @@
 // Every kernel on every instruction set, on the inputs of a real frame, verified against the scalar reference
 // before it is timed. Names: kernel/variant/instruction set.
+#include "bench/instructions.h"
 #include "bench/machine.h"
 #include "bench/recording.h"
 #include "nusselt/version.h"
@@ -27,24 +28,49 @@ void share(State& state, const char* name, double amount, double peak) {
     state.counters[name] = benchmark::Counter(amount / peak, benchmark::Counter::kIsRate);
 }
 
-// Bytes and elements of one pass over all inputs.
+// One pass over all inputs.
 struct Pass {
-    double bytes = 0, items = 0, flops = 0;
+    size_t inputs = 0;
+    std::function<void(size_t)> run;     // the kernel on one input
+    std::function<double(size_t)> items; // of one input
+    double bytes_per_item = 0, flops_per_item = 0;
     size_t working_set = 0; // of the table that is looked up; 0: none
 };
 
-void report(State& state, const Pass& pass) {
-    const auto passes = static_cast<double>(state.iterations());
-    state.SetItemsProcessed(static_cast<int64_t>(passes * pass.items));
-    if (pass.bytes > 0) state.SetBytesProcessed(static_cast<int64_t>(passes * pass.bytes));
+// Times the passes, then tells them against what the machine can do.
+void replay(State& state, const Kernels& k, const Pass& pass) {
+    for (auto _ : state) {
+        for (size_t i = 0; i < pass.inputs; ++i)
+            pass.run(i);
+        benchmark::ClobberMemory();
+    }
+    double items = 0;
+    for (size_t i = 0; i < pass.inputs; ++i)
+        items += pass.items(i);
+    items *= static_cast<double>(state.iterations());
+    state.SetItemsProcessed(static_cast<int64_t>(items));
+    const double bytes = items * pass.bytes_per_item, flops = items * pass.flops_per_item;
+    if (bytes > 0) state.SetBytesProcessed(static_cast<int64_t>(bytes));
     if (pass.working_set > 0) {
-        share(state, "of_load_peak", passes * pass.bytes, load_peak(pass.working_set));
-        share(state, "of_gather_peak", passes * pass.bytes, gather_peak(pass.working_set));
+        share(state, "of_load_peak", bytes, load_peak(pass.working_set));
+        share(state, "of_gather_peak", bytes, gather_peak(pass.working_set));
     }
-    if (pass.flops > 0) {
-        state.counters["flops"] = benchmark::Counter(passes * pass.flops, benchmark::Counter::kIsRate);
-        share(state, "of_flop_peak", passes * pass.flops, flop_peak());
+    if (flops > 0) {
+        state.counters["flops"] = benchmark::Counter(flops, benchmark::Counter::kIsRate);
+        share(state, "of_flop_peak", flops, flop_peak());
     }
+    // The reference is there to be right, not to be fast.
+    if (&k == kernels_for(Set::scalar)) return;
+    const double each = instructions_per_item(pass.inputs, pass.run, pass.items);
+    if (each > 0) state.counters["instructions_per_item"] = each;
+    if (each > 0 && issue_peak() > 0) share(state, "of_issue_peak", items * each, issue_peak());
+}
+
+double one(size_t) {
+    return 1;
+}
+double of_batch(size_t) {
+    return lanes;
 }
 
 template<class T>
@@ -62,14 +88,11 @@ void prepare(State& state, const Kernels& k, Recording& r) {
         if (!same(&ours[b].axis, &theirs[b].axis, 1) || !same(&ours[b].bounds, &theirs[b].bounds, 1))
             return state.SkipWithError(wrong);
     }
-    for (auto _ : state) {
-        for (size_t b = 0; b < ours.size(); ++b) {
-            ours[b].valid = 0xFFFF;
-            k.prepare_batch(ours[b], r.normals[b].values);
-        }
-        benchmark::ClobberMemory();
-    }
-    report(state, {.items = double(ours.size()) * lanes});
+    const auto once = [&](size_t b) {
+        ours[b].valid = 0xFFFF;
+        k.prepare_batch(ours[b], r.normals[b].values);
+    };
+    replay(state, k, {.inputs = ours.size(), .run = once, .items = of_batch});
 }
 
 void select(State& state, const Kernels& k, Recording& r) {
@@ -85,11 +108,11 @@ void select(State& state, const Kernels& k, Recording& r) {
         if (count != run(*kernels_for(Set::scalar), b, theirs) || !same(ours.data(), theirs.data(), count))
             return state.SkipWithError(wrong);
     }
-    for (auto _ : state) {
-        for (size_t b = 0; b < r.batches.size(); ++b)
-            benchmark::DoNotOptimize(run(k, b, ours));
-    }
-    report(state, {.items = double(r.batches.size()) * clusters});
+    const auto once = [&](size_t b) {
+        uint32_t count = run(k, b, ours);
+        benchmark::DoNotOptimize(count);
+    };
+    replay(state, k, {.inputs = r.batches.size(), .run = once, .items = [&](size_t) { return clusters; }});
 }
 
 // Jobs in the order of their numbers: instruction sets may make them in different orders.
@@ -116,36 +139,34 @@ bool same_jobs(const Kernels& k, size_t inputs,
     return true;
 }
 
-void time_jobs(State& state, const Kernels& k, size_t inputs, double items,
+void time_jobs(State& state, const Kernels& k, size_t inputs, const std::function<double(size_t)>& items,
                const std::function<void(const Kernels&, size_t, JobList&)>& make) {
     if (!same_jobs(k, inputs, make)) return state.SkipWithError(wrong);
     Jobs out;
     out.reserve(jobs_per_cluster + 64);
-    double made = 0;
+    double made = 0, all = 0;
     for (size_t i = 0; i < inputs; ++i) {
         JobList list = out.list();
         make(k, i, list);
         made += list.count;
+        all += items(i);
     }
-    for (auto _ : state) {
-        for (size_t i = 0; i < inputs; ++i) {
-            JobList list = out.list();
-            make(k, i, list);
-            benchmark::DoNotOptimize(list.count);
-        }
-        benchmark::ClobberMemory();
-    }
-    report(state, {.items = items});
-    state.counters["jobs_per_item"] = made / items;
+    const auto once = [&](size_t i) {
+        JobList list = out.list();
+        make(k, i, list);
+        benchmark::DoNotOptimize(list.count);
+    };
+    replay(state, k, {.inputs = inputs, .run = once, .items = items});
+    state.counters["jobs_per_item"] = made / all;
 }
 
 void clusters(State& state, const Kernels& k, Recording& r) {
     const float* points = r.frame->points.data() + 4 * size_t(r.frame->meshes[0].first_point);
     const auto scratch = std::make_unique<ClusterScratch>();
     Counters counters{};
-    double triangles = 0;
-    for (const Pair& pair : r.pairs)
-        triangles += double(r.frame->views[pair.cluster].triangle_count) * lanes;
+    const auto triangles = [&](size_t i) {
+        return double(r.frame->views[r.pairs[i].cluster].triangle_count) * lanes;
+    };
     time_jobs(state, k, r.pairs.size(), triangles, [&](const Kernels& kernels, size_t i, JobList& list) {
         kernels.cluster_jobs(r.batches[r.pairs[i].batch], r.frame->views[r.pairs[i].cluster], points,
                              r.tables->layout, r.tables->horizon, *scratch, list, counters);
@@ -154,9 +175,7 @@ void clusters(State& state, const Kernels& k, Recording& r) {
 
 void triangles(State& state, const Kernels& k, Recording& r) {
     Counters counters{};
-    double items = 0;
-    for (const TriangleCorners& t : r.triangles)
-        items += __builtin_popcount(t.active);
+    const auto items = [&](size_t i) { return __builtin_popcount(r.triangles[i].active); };
     time_jobs(state, k, r.triangles.size(), items, [&](const Kernels& kernels, size_t i, JobList& list) {
         const TriangleCorners& t = r.triangles[i];
         kernels.triangle_jobs(r.batches[t.batch], t.values, t.active, t.two_sided, r.tables->layout,
@@ -166,9 +185,7 @@ void triangles(State& state, const Kernels& k, Recording& r) {
 
 void fans(State& state, const Kernels& k, Recording& r) {
     Counters counters{};
-    double items = 0;
-    for (const FanCorners& fan : r.fans)
-        items += __builtin_popcount(fan.active);
+    const auto items = [&](size_t i) { return __builtin_popcount(r.fans[i].active); };
     time_jobs(state, k, r.fans.size(), items, [&](const Kernels& kernels, size_t i, JobList& list) {
         const FanCorners& fan = r.fans[i];
         kernels.fan_jobs(r.batches[fan.batch], fan.values, fan.active, r.tables->layout, list, counters);
@@ -178,24 +195,33 @@ void fans(State& state, const Kernels& k, Recording& r) {
 void run_lists(State& state, const Kernels& k, const Tables& tables, std::vector<Jobs>& jobs) {
     const uint32_t half = mask_bytes(tables.layout) / 2;
     Aligned<uint8_t> ours(size_t{lanes} * mask_bytes(tables.layout)), theirs = ours;
-    double count = 0;
     for (Jobs& list : jobs) {
         JobList a = list.list(), b = list.list();
         k.run_jobs(tables, a, ours.data());
         kernels_for(Set::scalar)->run_jobs(tables, b, theirs.data());
         if (!same(ours.data(), theirs.data(), ours.size())) return state.SkipWithError(wrong);
-        count += list.count;
     }
-    for (auto _ : state) {
-        for (Jobs& list : jobs) {
-            JobList replay = list.list();
-            k.run_jobs(tables, replay, ours.data());
-        }
-        benchmark::ClobberMemory();
+    // In parts, as a frame carries them out whenever some have gathered.
+    constexpr uint32_t part = 256;
+    std::vector<JobList> parts;
+    for (Jobs& list : jobs) {
+        const JobList all = list.list();
+        for (uint32_t begin = 0; begin < all.count; begin += part)
+            parts.push_back({{all.plane[0] + begin, all.plane[1] + begin, all.plane[2] + begin},
+                             all.destination + begin,
+                             std::min(part, all.count - begin)});
     }
+    const auto once = [&](size_t i) {
+        JobList list = parts[i];
+        k.run_jobs(tables, list, ours.data());
+    };
     // Three entries and the mask are read.
-    report(state,
-           {.bytes = count * 4 * half, .items = count, .working_set = plane_table_bytes(tables.layout)});
+    replay(state, k,
+           {.inputs = parts.size(),
+            .run = once,
+            .items = [&](size_t i) { return parts[i].count; },
+            .bytes_per_item = 4.0 * half,
+            .working_set = plane_table_bytes(tables.layout)});
 }
 
 // Planes all over the table, so that its size is the working set: 32 KB is in the first-level cache, 512 KB
@@ -237,13 +263,14 @@ void integrate(State& state, const Kernels& k, Recording& r, bool per_block) {
     }
     counters = {};
     k.integrate(*r.tables, r.masks_of(0), r.batches[0].valid, per_block, ours.values, counters);
-    for (auto _ : state) {
-        for (size_t b = 0; b < r.batches.size(); ++b)
-            k.integrate(*r.tables, r.masks_of(b), r.batches[b].valid, per_block, ours.values, counters);
-        benchmark::ClobberMemory();
-    }
-    report(state, {.bytes = double(r.batches.size()) * lanes * mask_bytes(r.tables->layout),
-                   .items = double(r.batches.size()) * lanes});
+    const auto once = [&](size_t b) {
+        k.integrate(*r.tables, r.masks_of(b), r.batches[b].valid, per_block, ours.values, counters);
+    };
+    replay(state, k,
+           {.inputs = r.batches.size(),
+            .run = once,
+            .items = of_batch,
+            .bytes_per_item = double(mask_bytes(r.tables->layout))});
 }
 
 void rotate(State& state, const Kernels& k, Recording& r) {
@@ -253,13 +280,12 @@ void rotate(State& state, const Kernels& k, Recording& r) {
         kernels_for(Set::scalar)->rotate(r.batches[b], r.locals[b].values, theirs.values);
         if (!same(&ours, &theirs, 1)) return state.SkipWithError(wrong);
     }
-    for (auto _ : state) {
-        for (size_t b = 0; b < r.batches.size(); ++b)
-            k.rotate(r.batches[b], r.locals[b].values, ours.values);
-        benchmark::ClobberMemory();
-    }
-    report(state,
-           {.bytes = double(r.batches.size()) * sizeof(Local), .items = double(r.batches.size()) * lanes});
+    const auto once = [&](size_t b) { k.rotate(r.batches[b], r.locals[b].values, ours.values); };
+    replay(state, k,
+           {.inputs = r.batches.size(),
+            .run = once,
+            .items = of_batch,
+            .bytes_per_item = double(sizeof(Local)) / lanes});
 }
 
 void downsample(State& state, const Kernels& k, Recording& r) {
@@ -271,12 +297,13 @@ void downsample(State& state, const Kernels& k, Recording& r) {
         kernels_for(Set::scalar)->downsample(&r.masks[m * bytes], blocks, theirs);
         if (!same(ours, theirs, blocks)) return state.SkipWithError(wrong);
     }
-    for (auto _ : state) {
-        for (size_t m = 0; m < count; ++m)
-            k.downsample(&r.masks[m * bytes], blocks, ours);
-        benchmark::ClobberMemory();
-    }
-    report(state, {.bytes = double(r.masks.size()), .items = double(count), .working_set = r.masks.size()});
+    const auto once = [&](size_t m) { k.downsample(&r.masks[m * bytes], blocks, ours); };
+    replay(state, k,
+           {.inputs = count,
+            .run = once,
+            .items = one,
+            .bytes_per_item = double(bytes),
+            .working_set = r.masks.size()});
 }
 
 void shade(State& state, const Kernels& k, Recording& r) {
@@ -288,14 +315,18 @@ void shade(State& state, const Kernels& k, Recording& r) {
     k.shade(light, r.transfer.data(), 100, count, ours.data());
     kernels_for(Set::scalar)->shade(light, r.transfer.data(), 100, count, theirs.data());
     if (!same(ours.data(), theirs.data(), ours.size())) return state.SkipWithError(wrong);
-    for (auto _ : state) {
-        k.shade(light, r.transfer.data(), 100, count, ours.data());
-        benchmark::ClobberMemory();
-    }
-    report(state, {.bytes = double(count) * 112,
-                   .items = double(count),
-                   .flops = double(count) * 150,
-                   .working_set = count * 100});
+    constexpr size_t part = 256;
+    const auto size_of = [&](size_t i) { return std::min(part, count - i * part); };
+    const auto once = [&](size_t i) {
+        k.shade(light, &r.transfer[i * part * 25], 100, size_of(i), &ours[i * part * 3]);
+    };
+    replay(state, k,
+           {.inputs = (count + part - 1) / part,
+            .run = once,
+            .items = size_of,
+            .bytes_per_item = 112,
+            .flops_per_item = 150,
+            .working_set = count * 100});
 }
 
 void evaluate(State& state, const Kernels& k) {
@@ -311,11 +342,15 @@ void evaluate(State& state, const Kernels& k) {
     k.evaluate_sh(x.data(), y.data(), z.data(), count, ours.data());
     kernels_for(Set::scalar)->evaluate_sh(x.data(), y.data(), z.data(), count, theirs.data());
     if (!same(ours.data(), theirs.data(), ours.size())) return state.SkipWithError(wrong);
-    for (auto _ : state) {
-        k.evaluate_sh(x.data(), y.data(), z.data(), count, ours.data());
-        benchmark::ClobberMemory();
-    }
-    report(state, {.bytes = double(count) * 112, .items = double(count)});
+    constexpr size_t part = 256;
+    const auto once = [&](size_t i) {
+        k.evaluate_sh(&x[i * part], &y[i * part], &z[i * part], part, &ours[i * part * 25]);
+    };
+    replay(state, k,
+           {.inputs = count / part,
+            .run = once,
+            .items = [](size_t) { return double(part); },
+            .bytes_per_item = 112});
 }
 
 void roof(State& state, size_t bytes, bool random) {
@@ -343,6 +378,12 @@ void register_all() {
         for (auto _ : state)
             benchmark::DoNotOptimize(rate = flop_peak());
         state.counters["flops_peak"] = rate;
+    })->Iterations(1);
+    benchmark::RegisterBenchmark("machine/issue", [](State& state) {
+        double rate = 0;
+        for (auto _ : state)
+            benchmark::DoNotOptimize(rate = issue_peak());
+        state.counters["instructions_per_second_peak"] = rate;
     })->Iterations(1);
     const auto standard = [](auto body) {
         return [body](State& state, const Kernels& k) { body(state, k, recording(Quality::standard)); };
@@ -378,7 +419,7 @@ void register_all() {
         {"evaluate_sh/sphere", [](State& state, const Kernels& k) { evaluate(state, k); }},
     };
     for (const auto& [name, body] : all) {
-        for (const Set set : {Set::scalar, Set::sse4, Set::avx2, Set::avx512}) {
+        for (const Set set : {Set::scalar, Set::sse4, Set::avx2, Set::avx512, Set::neon}) {
             const Kernels* k = kernels_for(set);
             if (k) add(name + "/" + k->name, [body = body, k](State& state) { body(state, *k); });
         }
@@ -390,6 +431,7 @@ void register_all() {
 
 int main(int argc, char** argv) {
     benchmark::AddCustomContext("configuration", nusselt::configuration());
+    benchmark::AddCustomContext("instructions", nusselt::bench::counting_method());
     nusselt::bench::register_all();
     benchmark::Initialize(&argc, argv);
     if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;

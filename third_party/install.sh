@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Installs what the build needs and this machine lacks. Usage: third_party/install.sh [compilers] [arm]
+# Installs what the build needs and this machine lacks. Usage: third_party/install.sh [tests] [compilers] [arm]
+#   tests       also the browser in which a test opens the page of `nusselt compare`; skipped without it
 #   compilers   also the compilers of tests/determinism/matrix.sh
 #   arm         also the cross compiler and the emulator of its aarch64
 #
@@ -15,10 +16,11 @@ packages=(
 )
 for more in "$@"; do
     case $more in
+        tests) packages+=(chromium) ;;
         compilers) packages+=(g++-12 clang-14 lld-14 clang-19 lld-19) ;; # all in Debian 12 itself
         arm) packages+=(g++-aarch64-linux-gnu qemu-user) ;;
         *)
-            echo "install.sh: nothing called '$more'; usage: third_party/install.sh [compilers] [arm]" >&2
+            echo "install.sh: nothing called '$more'; usage: third_party/install.sh [tests] [compilers] [arm]" >&2
             exit 2
             ;;
     esac

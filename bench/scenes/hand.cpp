@@ -17,7 +17,6 @@ namespace nusselt::scenes {
 
 namespace {
 
-constexpr float cell = 0.2965f; // sets the triangle count
 constexpr double duration = 4;
 constexpr size_t finger_count = 4, thumb = 4, digit_count = 5;
 
@@ -223,7 +222,7 @@ void pose_bones(const Hand& hand, float time, std::vector<Rigid>& world) {
 
 } // namespace
 
-Scene make_hand() {
+Scene make_hand(float cell) {
     const auto hand = std::make_shared<Hand>();
     hand->digits = make_digits();
     const auto& digits = hand->digits;

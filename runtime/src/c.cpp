@@ -182,7 +182,8 @@ nusselt_status nusselt_get_mesh_info(const nusselt_context* context, nusselt_mes
             info.levels,
             info.clusters,
             {},
-            info.bytes};
+            info.bytes,
+            info.coarse_triangles};
     std::copy(std::begin(info.level_triangles), std::end(info.level_triangles), out->level_triangles);
     return c_status(status);
 }

@@ -316,6 +316,7 @@ void build_mesh(const MeshDesc& desc, const LevelOptions& options, const Allocat
         info.level_triangles[level] += mesh.clusters.triangle_begin[c + 1] - mesh.clusters.triangle_begin[c];
         info.levels = std::max(info.levels, level + 1);
     }
+    info.coarse_triangles = mesh.coarse_clusters.triangle_begin[mesh.coarse_clusters.count()];
 }
 
 } // namespace nusselt

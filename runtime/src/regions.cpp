@@ -44,8 +44,8 @@ uint32_t pack_wanted(const Region& region, uint32_t* out) {
     uint32_t count = 0;
     for (uint32_t i = 0; i < region.count; ++i) {
         const uint32_t vertex = region.vertices[i];
-        const bool wanted = is_needed(mesh, vertex) &&
-                            !(region.originals && repeats(mesh, vertex, region.originals[i]));
+        const bool wanted =
+            is_needed(mesh, vertex) && !(region.originals && repeats(mesh, vertex, region.originals[i]));
         if (wanted) out[count++] = vertex;
     }
     return count;

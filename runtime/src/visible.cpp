@@ -26,8 +26,8 @@ Status check(const Vec3View& positions, const uint32_t* indices, size_t index_co
     return {};
 }
 
-// Bit k is set where the point is on the outer side of the k-th border of the picture. What is not a number is
-// on no outer side.
+// Bit k is set where the point is on the outer side of the k-th border of the picture. What is not a number
+// is on no outer side.
 uint32_t outside(const Camera& camera, Vec3f p) {
     const float* m = camera.clip_from_position;
     const float x = m[0] * p.x + m[1] * p.y + m[2] * p.z + m[3];

@@ -1,10 +1,12 @@
 // The figures themselves: a planted error must move them, and nothing else may.
 #include "tools/compare/figures.h"
+#include "tools/compare/moment.h"
 #include "tools/compare/report.h"
 #include "tools/report/failure.h"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace nusselt::tools {
@@ -147,6 +149,53 @@ TEST(EqualError, IsStraightInLogarithms) {
 TEST(Pareto, FrontIsUnbeaten) {
     const std::vector<bool> front = pareto_front({{0.1, 1}, {0.05, 2}, {0.06, 3}, {0.05, 4}, {0.01, 9}});
     EXPECT_EQ(front, (std::vector<bool>{true, true, false, false, true}));
+}
+
+TEST(Evenly, ChoosesRunsFromEndToEnd) {
+    std::vector<uint32_t> all(1000);
+    for (uint32_t k = 0; k < 1000; ++k)
+        all[k] = k;
+    EXPECT_EQ(evenly(all, 1000, 64), all);
+    EXPECT_EQ(evenly(all, 5000, 64), all);
+    const std::vector<uint32_t> single = evenly(all, 100, 1);
+    ASSERT_EQ(single.size(), 100u);
+    EXPECT_EQ(single.front(), 0u);
+    EXPECT_EQ(single.back(), 999u);
+    const std::vector<uint32_t> runs = evenly(all, 256, 64);
+    ASSERT_EQ(runs.size(), 256u);
+    EXPECT_TRUE(std::is_sorted(runs.begin(), runs.end()));
+    EXPECT_EQ(std::adjacent_find(runs.begin(), runs.end()), runs.end());
+    for (size_t k = 0; k < runs.size(); k += 64)
+        EXPECT_EQ(runs[k + 63], runs[k] + 63);
+    EXPECT_EQ(runs.back(), 999u);
+    // Fewer than a run holds is still some.
+    EXPECT_EQ(evenly(all, 10, 64).size(), 10u);
+}
+
+TEST(Summary, SetsStandardAgainstItsFloorAndThePeer) {
+    Comparison comparison;
+    SceneReport scene;
+    scene.name = "model.glb";
+    scene.receivers = 1000;
+    scene.reference_receivers = 250;
+    Entry ours, floor;
+    ours.name = "standard";
+    ours.clear.each = {200, 0.012, 0.01, 0.03, 0.05, 0.08};
+    ours.us = {2, 2.5};
+    ours.peer_clear = {50, Outside::no};
+    ours.peer_all = {30, Outside::larger};
+    floor.name = "floor 1024";
+    floor.kind = Kind::floor;
+    floor.clear.each.mean = 0.008;
+    scene.entries = {ours, floor};
+    scene.complete = true;
+    comparison.scenes = {scene};
+    comparison.failures = {{"bad.obj", "can't be read"}};
+    const std::string text = summary_table(comparison);
+    for (const char* part : {"model.glb", "250/1000", "1.20", "5.00", "8.00", "0.80", "1.50", "x   25.0",
+                             "x <=15.0", "bad.obj: not measured: can't be read"})
+        EXPECT_NE(text.find(part), std::string::npos) << part << "\n" << text;
+    EXPECT_EQ(text.find("not complete"), std::string::npos);
 }
 
 TEST(Readme, TablesStandBetweenTheMarkers) {

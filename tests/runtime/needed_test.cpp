@@ -115,9 +115,8 @@ View look(glm::vec3 eye, glm::vec3 at, float field = 0.8f) {
 
 std::vector<uint32_t> marked(const Camera& camera, const scenes::Mesh& mesh) {
     std::vector<uint32_t> bits = no_bits(mesh.rest_positions.size());
-    const Status status =
-        mark_visible(camera, {&mesh.rest_positions[0].x, mesh.rest_positions.size(), 12},
-                     mesh.indices.data(), mesh.indices.size(), bits.data());
+    const Status status = mark_visible(camera, {&mesh.rest_positions[0].x, mesh.rest_positions.size(), 12},
+                                       mesh.indices.data(), mesh.indices.size(), bits.data());
     EXPECT_TRUE(status.ok()) << status.text;
     return bits;
 }

@@ -55,6 +55,16 @@ code=0
 PATH=$work/bin "$root/third_party/install.sh" sparc </dev/null 2>"$work/err" || code=$?
 [[ $code == 2 ]] && grep -q sparc "$work/err" || fail "an unknown group: exit $code"
 
+# The tests' browser only when it is asked for.
+rm "$LOG"
+stand_in dpkg-query <<<'[[ ${!#} == chromium ]] || printf installed'
+PATH=$work/bin "$root/third_party/install.sh" tests </dev/null >"$work/out"
+grep -q "recommends chromium$" "$LOG" || fail "the browser was not asked for: $(<"$LOG")"
+rm "$LOG"
+PATH=$work/bin "$root/third_party/install.sh" </dev/null >"$work/out"
+[[ ! -e $LOG ]] || fail "the browser was installed unasked"
+touch "$LOG"
+
 # None is missing: nothing runs, nothing is said.
 rm "$LOG"
 stand_in dpkg-query <<<'printf installed'

@@ -50,8 +50,10 @@ struct RenderOptions {
 void run_render(const RenderOptions& options);
 
 struct CompareOptions {
-    std::string model, scene = "all", out, clip, readme;
+    std::vector<std::string> models; // files, or directories to look through; none: the built-in `scene`
+    std::string scene = "all", out, clip, readme;
     std::vector<std::string> environments;
+    bool quick = false;
     MeasureOptions measure;
     std::string command; // as typed, for the report
 };

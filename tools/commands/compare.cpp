@@ -9,7 +9,9 @@
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <cctype>
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 
@@ -17,16 +19,53 @@ namespace nusselt::tools {
 
 namespace {
 
+namespace fs = std::filesystem;
+
 struct Subject {
     std::string label;
-    scenes::Scene scene;
+    std::string path; // empty: built in
 };
+
+bool is_model(const fs::path& path) {
+    std::string ending = path.extension().string();
+    for (char& c : ending)
+        c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    return ending == ".gltf" || ending == ".glb" || ending == ".obj" || ending == ".ply";
+}
+
+std::vector<std::string> model_files(const std::vector<std::string>& given) {
+    std::vector<std::string> files;
+    for (const std::string& path : given) {
+        std::error_code error;
+        if (!fs::is_directory(path, error)) {
+            files.push_back(path);
+            continue;
+        }
+        std::vector<std::string> found;
+        fs::recursive_directory_iterator at(path, error), end;
+        for (; !error && at != end; at.increment(error))
+            if (is_model(at->path()) && at->is_regular_file()) found.push_back(at->path().string());
+        if (error) throw Failure(path, "can't be looked through: " + error.message() + "; check its rights");
+        if (found.empty())
+            throw Failure(path, "holds no .gltf, .glb, .obj or .ply file; give another directory");
+        std::sort(found.begin(), found.end());
+        files.insert(files.end(), found.begin(), found.end());
+    }
+    return files;
+}
 
 std::vector<Subject> choose_subjects(const CompareOptions& options) {
     std::vector<Subject> subjects;
-    if (!options.model.empty()) {
-        Choice choice = choose(options.model, options.clip, true);
-        subjects.push_back({choice.scene.name, std::move(choice.scene)});
+    if (!options.models.empty()) {
+        for (const std::string& file : model_files(options.models)) {
+            // Files of one name are told apart by their directories'.
+            std::string label = fs::path(file).filename().string();
+            for (const Subject& other : subjects)
+                if (other.label == label) label = (fs::path(file).parent_path().filename() / label).string();
+            subjects.push_back({label, file});
+        }
+        if (subjects.size() > 1 && !options.clip.empty())
+            throw Failure("--clip", "names an animation of one model; give one, or leave it out", exit_usage);
         return subjects;
     }
     std::string list = "all";
@@ -39,6 +78,13 @@ std::vector<Subject> choose_subjects(const CompareOptions& options) {
                       exit_usage);
     }
     return subjects;
+}
+
+scenes::Scene load_subject(const Subject& subject, const std::string& clip) {
+    scenes::Scene scene =
+        subject.path.empty() ? scenes::builtin(subject.label) : choose(subject.path, clip, true).scene;
+    scene.name = subject.label;
+    return scene;
 }
 
 Light environment_light(const std::string& name, const Image& image) {
@@ -58,7 +104,7 @@ std::string read_text(const std::string& path) {
 
 void run_compare(const CompareOptions& options) {
     const double start = wall_ms();
-    std::vector<Subject> subjects = choose_subjects(options);
+    const std::vector<Subject> subjects = choose_subjects(options);
     OutputDirectory out(options.out);
     const std::string readme = options.readme.empty() ? std::string() : read_text(options.readme);
     if (!readme.empty()) (void)with_tables(readme, "", options.readme);
@@ -70,26 +116,37 @@ void run_compare(const CompareOptions& options) {
                                            load_environment(path)));
     }
 
+    throw_if_interrupted();
     Comparison comparison;
     comparison.options = options.measure;
     comparison.command = options.command;
     {
         Progress progress("compare");
-        const double share = 1 / static_cast<double>(subjects.size());
+        const bool sized = options.models.empty() && options.scene == "all";
+        const double share = 1 / static_cast<double>(subjects.size() + sized);
         for (size_t k = 0; k < subjects.size() && !interrupted(); ++k) {
-            Subject& subject = subjects[k];
+            const Subject& subject = subjects[k];
             progress.show(share * static_cast<double>(k), subject.label);
-            if (subject.scene.meshes.empty()) subject.scene = scenes::builtin(subject.label);
             try {
-                comparison.scenes.push_back(
-                    measure_scene(subject.scene, options.measure, lights, [&](double done, const char* what) {
+                comparison.scenes.push_back(measure_scene(
+                    load_subject(subject, options.clip), options.measure, lights,
+                    [&](double done, const char* what) {
                         progress.show(share * (static_cast<double>(k) + done), subject.label + ", " + what);
                     }));
             } catch (const Failure& failure) {
-                // What was measured before is told all the same.
-                if (!interrupted() || comparison.scenes.empty()) throw;
+                // What was measured before, and what can be measured after, is told all the same.
+                if (subjects.size() == 1 || (interrupted() && comparison.scenes.empty())) throw;
+                if (!interrupted()) comparison.failures.push_back({subject.label, failure.what()});
             }
-            subject.scene = {};
+        }
+        if (comparison.scenes.empty())
+            throw Failure("compare", "none of the models could be measured; the first: " +
+                                         comparison.failures[0].name + ": " + comparison.failures[0].reason);
+        if (sized && !interrupted()) {
+            comparison.sizes =
+                measure_sizes(options.measure, options.quick, [&](double done, const char* what) {
+                    progress.show(share * (static_cast<double>(subjects.size()) + done), what);
+                });
         }
     }
     comparison.complete = !interrupted();
@@ -110,10 +167,16 @@ void run_compare(const CompareOptions& options) {
                          failure_line(options.readme, "is left as it was: the run was cut short").c_str());
         }
     }
-    std::fputs(terminal_table(comparison).c_str(), stdout);
+    constexpr size_t most_tables = 4;
+    if (comparison.scenes.size() <= most_tables) std::fputs(terminal_table(comparison).c_str(), stdout);
+    if (subjects.size() > 1) std::fputs(summary_table(comparison).c_str(), stdout);
     std::printf("%s%.0f s on %s; revision %s\n%s/index.html\n", comparison.complete ? "" : "cut short; ",
                 comparison.seconds, processor_name().c_str(), source_revision(),
                 printable(out.path()).c_str());
+    if (!comparison.failures.empty())
+        throw Failure("compare", std::to_string(comparison.failures.size()) + " of " +
+                                     std::to_string(subjects.size()) +
+                                     " models could not be measured; the summary says why");
 }
 
 } // namespace nusselt::tools

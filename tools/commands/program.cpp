@@ -48,7 +48,6 @@ Shadows parse_shadows(const std::string& name) {
 }
 
 struct CompareWords {
-    bool quick = false;
     std::optional<uint32_t> frames, repeats, receivers;
     std::string isa = "best";
 };
@@ -58,7 +57,10 @@ CLI::App* add_compare(CLI::App& app, CompareOptions& compare, CompareWords& word
         "compare",
         "run time against error: every quality and Embree at many ray counts against one reference");
     CLI::Option* model =
-        command->add_option("model", compare.model, "glTF, GLB, OBJ or PLY file")->type_name("MODEL");
+        command
+            ->add_option("model", compare.models,
+                         "glTF, GLB, OBJ or PLY files, or directories that are looked through for them")
+            ->type_name("MODEL");
     command
         ->add_option("--scene", compare.scene,
                      "built-in scene instead of a model: cloth, fight, chess, hand, all")
@@ -69,9 +71,10 @@ CLI::App* add_compare(CLI::App& app, CompareOptions& compare, CompareWords& word
         ->type_name("DIR")
         ->required();
     command
-        ->add_option("--clip", compare.clip, "animation of the model by name or number; default: the first")
+        ->add_option("--clip", compare.clip,
+                     "animation of the model by name or number, of a single one; default: the first")
         ->type_name("NAME|N");
-    command->add_flag("--quick", words.quick,
+    command->add_flag("--quick", compare.quick,
                       "one moment, few receivers with a reference, two timed rounds, at most 1024 rays");
     command->add_option("--frames", words.frames, "moments of the animation; default: 3")->type_name("N");
     command->add_option("--repeats", words.repeats, "timed rounds over all entries; default: 3")
@@ -85,6 +88,12 @@ CLI::App* add_compare(CLI::App& app, CompareOptions& compare, CompareWords& word
         ->add_option("--isa", words.isa, "instruction set of our entries: scalar, sse4, avx2, avx512, best")
         ->type_name("NAME")
         ->capture_default_str();
+    command
+        ->add_option(
+            "--limit", compare.measure.limit_seconds,
+            "seconds that each model may take: the reference and Embree's times are then taken on as "
+            "many receivers as fit, and scaling is left out; default: no limit")
+        ->type_name("S");
     command->add_flag("--naive", compare.measure.naive,
                       "adds Embree with one ray at a time, for information");
     command
@@ -114,7 +123,7 @@ CLI::App* add_compare(CLI::App& app, CompareOptions& compare, CompareWords& word
 
 void finish_compare(CompareOptions& compare, const CompareWords& words) {
     MeasureOptions& measure = compare.measure;
-    if (words.quick) {
+    if (compare.quick) {
         measure.frames = 1;
         measure.repeats = 2;
         measure.most_receivers = 400;
@@ -128,6 +137,8 @@ void finish_compare(CompareOptions& compare, const CompareWords& words) {
     at_least_one("--receivers", measure.most_receivers, 1u << 27);
     at_least_one("--threads", measure.threads, 1024);
     at_least_one("--reference-rays", measure.reference_rays, 1u << 20);
+    if (!(measure.limit_seconds >= 0 && measure.limit_seconds <= 1e6))
+        throw Failure("--limit", "must lie between 0 (no limit) and a million seconds", exit_usage);
     measure.isa = parse_isa(words.isa);
     if (measure.isa == Isa::best) check_isa_variable();
 }

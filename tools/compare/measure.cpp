@@ -2,24 +2,20 @@
 
 #include "tools/commands/engine.h"
 #include "tools/compare/clock.h"
+#include "tools/compare/floor.h"
 #include "tools/compare/grid.h"
+#include "tools/compare/moment.h"
 #include "tools/compare/peer.h"
 #include "tools/compare/pictures.h"
+#include "tools/compare/scaling.h"
+#include "tools/compare/timing.h"
 #include "tools/report/failure.h"
-#include "tools/trace/parallel.h"
-#include "tools/trace/trace.h"
-
-#include <glm/geometric.hpp>
 
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <cstdlib>
-#include <cstring>
 #include <map>
-#include <memory>
 #include <new>
-#include <thread>
 
 namespace nusselt::tools {
 
@@ -27,7 +23,6 @@ namespace {
 
 constexpr uint32_t ray_sides[] = {4, 8, 12, 16, 20, 24, 28, 32, 40, 64};
 constexpr uint32_t naive_side = 32;
-constexpr double frame_step = 1.0 / 30; // between the two frames of a moment, seconds
 constexpr size_t worst_kept = 12;
 
 // Counts what the library asks for.
@@ -49,30 +44,6 @@ struct CountingAllocator {
     }
 };
 
-uint64_t hash_of(const std::vector<float>& values, uint64_t hash) {
-    // FNV-1a over the words.
-    for (const float value : values) {
-        uint32_t word;
-        std::memcpy(&word, &value, 4);
-        hash = (hash ^ word) * 0x100000001B3u;
-    }
-    return hash;
-}
-constexpr uint64_t hash_start = 0xCBF29CE484222325u;
-
-// A moment with its reference. Odd ones follow the one before by frame_step and are only there for the
-// change.
-struct Moment {
-    double time = 0;
-    bool follows = false;
-    scenes::Pose pose;
-    Assembly all;
-    std::vector<uint32_t> receivers;       // all with position and normal of their own
-    std::vector<uint32_t> traced;          // those with a reference
-    std::vector<float> reference, half[2]; // 25 a vertex
-    std::vector<uint8_t> clear;            // a vertex
-};
-
 struct Candidate {
     Entry entry;
     Quality quality = Quality::standard;
@@ -82,169 +53,22 @@ struct Candidate {
     std::vector<double> us, wall, refit;
     FrameStats fastest;
     double fastest_us = 0;
+    double error_ms = 0;   // peer: wall time of the pass over a receiver of all moments that don't follow
+    uint32_t computed = 0; // ours: receivers of all these moments
 };
 
-void add_stats(FrameStats& sum, const FrameStats& s) {
-    sum.receivers += s.receivers;
-    sum.receivers_computed += s.receivers_computed;
-    sum.receivers_invalid += s.receivers_invalid;
-    sum.clusters_tested += s.clusters_tested;
-    sum.clusters_rasterized += s.clusters_rasterized;
-    sum.triangles_considered += s.triangles_considered;
-    sum.triangles_rasterized += s.triangles_rasterized;
-    sum.fan_triangles += s.fan_triangles;
-    sum.blocks_uniform += s.blocks_uniform;
-    sum.blocks_partial += s.blocks_partial;
-    sum.triangles_invalid += s.triangles_invalid;
-    sum.threads = std::max(sum.threads, s.threads);
-    sum.wall_ms += s.wall_ms;
-    sum.cpu_ms += s.cpu_ms;
-    sum.refit_ms += s.refit_ms;
-    sum.cull_ms += s.cull_ms;
-    sum.transform_ms += s.transform_ms;
-    sum.raster_ms += s.raster_ms;
-    sum.integrate_ms += s.integrate_ms;
-    sum.rotate_ms += s.rotate_ms;
-}
+// The time that a scene may take.
+struct Limit {
+    double start = wall_ms(), ms = 0; // 0: none
+    bool past(double share) const { return ms > 0 && wall_ms() - start > share * ms; }
+    double left_ms(double share) const { return start + share * ms - wall_ms(); }
+    bool stop(double share = 1) const { return interrupted() || past(share); }
+};
+// Shares of the limit at which the stages must be done.
+constexpr double reference_share = 0.4, errors_share = 0.65, times_share = 0.95;
 
-// A frame of ours with the time of the whole call. With one thread that thread's own clock tells the
-// processor time, whatever the library's account leaves out; with more, the library's account is all there
-// is.
-FrameStats timed_frame(Engine& engine, const scenes::Pose& pose, Quality quality,
-                       std::vector<float>& transfer) {
-    const double wall = wall_ms(), cpu = cpu_ms();
-    FrameStats stats = engine.frame(pose, quality, transfer);
-    stats.wall_ms = wall_ms() - wall;
-    if (engine.threads() == 1) stats.cpu_ms = cpu_ms() - cpu;
-    return stats;
-}
-
-std::vector<Moment> make_moments(const scenes::Scene& scene, uint32_t frames) {
-    std::vector<Moment> moments;
-    const bool moves = scene.duration > 0;
-    for (uint32_t k = 0; k < (moves ? frames : 1); ++k) {
-        const double time = scene.duration * (k + 0.5) / frames;
-        const double step = std::min(frame_step, scene.duration / (2.0 * frames));
-        for (int second = 0; second <= (moves ? 1 : 0); ++second) {
-            Moment moment;
-            moment.time = time + second * step;
-            moment.follows = second == 1;
-            scene.pose(moment.time, moment.pose);
-            moment.all = assemble(scene, moment.pose);
-            moment.receivers = distinct_receivers(moment.all);
-            moments.push_back(std::move(moment));
-        }
-    }
-    return moments;
-}
-
-// False: interrupted.
-bool trace_reference(Moment& moment, const MeasureOptions& options, const std::vector<uint32_t>& wanted,
-                     uint64_t seed, const std::function<void(double)>& show) {
-    moment.traced = wanted;
-    // A receiver without a normal is left out by the tracer.
-    Assembly only = moment.all;
-    std::vector<uint8_t> is_wanted(only.positions.size());
-    for (const uint32_t vertex : wanted)
-        is_wanted[vertex] = 1;
-    for (size_t v = 0; v < is_wanted.size(); ++v)
-        if (!is_wanted[v]) only.normals[v] = glm::vec3(0);
-
-    const TraceScene scene = make_trace_scene(moment.all);
-    TraceOptions trace;
-    trace.rays = options.reference_rays;
-    trace.halves = true;
-    trace.seed = seed;
-    trace.cancel = &interrupted();
-    trace.progress = [&](double done) { show(0.8 * done); };
-    TraceResult result = trace_transfer(scene, only, trace);
-    if (result.cancelled) return false;
-    trace.halves = false;
-    trace.rays = std::max(options.reference_rays / 4, 1024u);
-    trace.lift = clear_lift;
-    trace.progress = [&](double done) { show(0.8 + 0.2 * done); };
-    const TraceResult lifted = trace_transfer(scene, only, trace);
-    if (lifted.cancelled) return false;
-    moment.reference = std::move(result.transfer);
-    moment.half[0] = std::move(result.half[0]);
-    moment.half[1] = std::move(result.half[1]);
-    moment.clear = clear_receivers(moment.reference, lifted.transfer);
-    return true;
-}
-
-// The noise of the mean of two halves is half their difference.
-void gather_noise(const std::vector<Moment>& moments, SceneReport& report) {
-    std::vector<double> all, clear;
-    for (const Moment& moment : moments) {
-        if (moment.follows) continue;
-        for (const uint32_t vertex : moment.traced) {
-            if (!(seen_part(&moment.reference[size_t{25} * vertex]) >= 0.01)) {
-                ++report.dark;
-                continue;
-            }
-            double difference = 0, size = 0;
-            for (size_t i = size_t{25} * vertex; i < size_t{25} * vertex + 25; ++i) {
-                const double d = (double{moment.half[0][i]} - moment.half[1][i]) / 2;
-                difference += d * d;
-                size += double{moment.reference[i]} * moment.reference[i];
-            }
-            all.push_back(std::sqrt(difference / size));
-            if (moment.clear[vertex]) clear.push_back(all.back());
-        }
-    }
-    report.counted = all.size();
-    report.clear = clear.size();
-    report.noise_all = distribution(std::move(all));
-    report.noise_clear = distribution(std::move(clear));
-    // Two references that differ by chance alone.
-    report.noise_change = report.noise_all.mean * std::sqrt(2.0);
-}
-
-std::vector<float> exact_masks(const Moment& moment, const SampleGrid& grid, bool per_block) {
-    std::vector<float> transfer(moment.all.positions.size() * 25);
-    const TraceScene scene = make_trace_scene(moment.all);
-    // The paper's integration: all used bits of a block weigh the same.
-    std::vector<double> mean;
-    if (per_block) {
-        mean.assign(grid.weights.size() / 16, 0.0);
-        for (size_t block = 0; block < grid.used.size() / 16; ++block) {
-            double used = 0;
-            for (size_t k = 0; k < 16; ++k) {
-                used += grid.used[block * 16 + k];
-                for (size_t i = 0; i < 25; ++i)
-                    mean[block * 25 + i] += grid.weights[(block * 16 + k) * 25 + i];
-            }
-            for (size_t i = 0; i < 25; ++i)
-                mean[block * 25 + i] /= std::max(used, 1.0);
-        }
-    }
-    parallel_blocks(moment.traced.size(), 16, [&](size_t begin, size_t end) {
-        std::vector<glm::dvec3> directions(grid.used.size());
-        std::vector<uint8_t> blocked;
-        for (size_t r = begin; r < end; ++r) {
-            const uint32_t vertex = moment.traced[r];
-            const glm::dvec3 n = glm::normalize(glm::dvec3(moment.all.normals[vertex]));
-            const double across = std::sqrt(n.x * n.x + n.y * n.y);
-            const double cosine = across > 0 ? n.x / across : 1, sine = across > 0 ? n.y / across : 0;
-            const glm::dvec3 t(n.z * cosine, n.z * sine, -across), b(-sine, cosine, 0);
-            for (size_t k = 0; k < directions.size(); ++k)
-                directions[k] = double{grid.x[k]} * t + double{grid.y[k]} * b + double{grid.z[k]} * n;
-            if (!trace_blocked(scene, moment.all, vertex, directions, blocked)) continue;
-            double local[25], world[25];
-            std::copy(grid.total, grid.total + 25, local);
-            for (size_t k = 0; k < blocked.size(); ++k) {
-                if (!blocked[k] || !grid.used[k]) continue;
-                const double* weight = per_block ? &mean[k / 16 * 25] : &grid.weights[k * 25];
-                for (size_t i = 0; i < 25; ++i)
-                    local[i] -= weight[i];
-            }
-            rotate_to_normal(n.x, n.y, n.z, local, world);
-            for (size_t i = 0; i < 25; ++i)
-                transfer[size_t{25} * vertex + i] = static_cast<float>(world[i]);
-        }
-    });
-    return transfer;
-}
+constexpr size_t peer_run = 64; // neighbouring receivers that are timed together, for the caches' sake
+constexpr uint32_t least_receivers = 64;
 
 // A scene's name may come from a file.
 std::string file_name(const std::string& name) {
@@ -270,7 +94,7 @@ std::vector<Candidate> make_candidates(const MeasureOptions& options, const std:
     };
     std::vector<Candidate> candidates;
     const auto add = [&](std::string name, Kind kind, uint32_t samples) -> Candidate& {
-        Candidate candidate{{}, Quality::standard, nullptr, false, Gatherer(lights), {}, {}, {}, {}, 0};
+        Candidate candidate{{}, Quality::standard, nullptr, false, Gatherer(lights), {}, {}, {}, {}, 0, 0, 0};
         candidate.entry.name = std::move(name);
         candidate.entry.kind = kind;
         candidate.entry.samples = samples;
@@ -285,14 +109,12 @@ std::vector<Candidate> make_candidates(const MeasureOptions& options, const std:
     if (options.naive)
         add("naive " + text_of(naive_side * naive_side), Kind::naive, naive_side * naive_side).grid =
             grid_of(naive_side);
-    if (options.floors) {
-        for (const uint32_t side : {16u, 32u, 64u})
-            add("floor " + text_of(side * side), Kind::floor, side * side).grid = grid_of(side);
-        add("floor disk 1024", Kind::floor, 1024).grid = &paper;
-        Candidate& blocks = add("floor disk 1024, 4x4 blocks", Kind::floor, 1024);
-        blocks.grid = &paper;
-        blocks.per_block = true;
-    }
+    for (const uint32_t side : {16u, 32u, 64u})
+        add("floor " + text_of(side * side), Kind::floor, side * side).grid = grid_of(side);
+    add("floor disk 1024", Kind::floor, 1024).grid = &paper;
+    Candidate& blocks = add("floor disk 1024, 4x4 blocks", Kind::floor, 1024);
+    blocks.grid = &paper;
+    blocks.per_block = true;
     return candidates;
 }
 
@@ -300,23 +122,46 @@ bool timed(const Candidate& candidate) {
     return candidate.entry.kind != Kind::floor;
 }
 
-// Errors of one candidate over all moments. False: interrupted.
-bool gather_errors(Candidate& candidate, const std::vector<Moment>& moments, Engine& engine, Peer& peer) {
+// In the order of what a cut-short run is missed for most.
+std::vector<size_t> by_need(const std::vector<Candidate>& candidates) {
+    const auto need = [&](size_t k) {
+        const Entry& entry = candidates[k].entry;
+        if (entry.kind == Kind::ours) return 0;
+        if (entry.name == "floor 1024") return 1;
+        return entry.kind == Kind::peer ? 2 : 3;
+    };
+    std::vector<size_t> order(candidates.size());
+    for (size_t k = 0; k < order.size(); ++k)
+        order[k] = k;
+    std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) { return need(a) < need(b); });
+    return order;
+}
+
+// Errors of one candidate over all moments. False: stopped.
+bool gather_errors(Candidate& candidate, const std::vector<Moment>& moments, Engine& engine, Peer& peer,
+                   const Limit& limit) {
     std::vector<float> now, before;
     for (uint32_t m = 0; m < moments.size(); ++m) {
-        if (interrupted()) return false;
+        if (limit.stop(errors_share)) return false;
         const Moment& moment = moments[m];
         if (moment.follows && !timed(candidate)) continue; // exact rays are slow, and nobody waits for them
         if (moment.follows) before = now;
         switch (candidate.entry.kind) {
-        case Kind::ours:
-            engine.frame(moment.pose, candidate.quality, now);
+        case Kind::ours: {
+            const FrameStats stats = engine.frame(moment.pose, candidate.quality, now);
+            if (!moment.follows) candidate.computed += stats.receivers_computed;
             break;
+        }
         case Kind::peer:
-        case Kind::naive:
-            peer.frame(moment.all, moment.traced, *candidate.grid,
-                       candidate.entry.kind == Kind::naive ? PeerLoop::single : PeerLoop::packets, now);
+        case Kind::naive: {
+            const PeerTime time =
+                peer.frame(moment.all, moment.traced, *candidate.grid,
+                           candidate.entry.kind == Kind::naive ? PeerLoop::single : PeerLoop::packets, now);
+            if (!moment.follows)
+                candidate.error_ms +=
+                    time.wall_ms / static_cast<double>(std::max<size_t>(moment.traced.size(), 1));
             break;
+        }
         case Kind::floor:
             now = exact_masks(moment, *candidate.grid, candidate.per_block);
             break;
@@ -331,12 +176,15 @@ bool gather_errors(Candidate& candidate, const std::vector<Moment>& moments, Eng
     return true;
 }
 
-void time_candidate(Candidate& candidate, const std::vector<Moment>& moments, Engine& engine, Peer& peer,
-                    bool keep) {
-    static std::vector<float> transfer;
+// One round of one candidate over all moments. The peer takes the receivers of `chosen[moment]`, and its time
+// is scaled up to all of them.
+void time_candidate(Candidate& candidate, const std::vector<Moment>& moments,
+                    const std::vector<std::vector<uint32_t>>& chosen, Engine& engine, Peer& peer,
+                    std::vector<float>& transfer, bool keep) {
     FrameStats sum;
     double cpu = 0, wall = 0, refit = 0, receivers = 0, frames = 0;
-    for (const Moment& moment : moments) {
+    for (size_t m = 0; m < moments.size(); ++m) {
+        const Moment& moment = moments[m];
         if (moment.follows) continue;
         ++frames;
         if (candidate.entry.kind == Kind::ours) {
@@ -347,11 +195,13 @@ void time_candidate(Candidate& candidate, const std::vector<Moment>& moments, En
             wall += stats.wall_ms;
         } else {
             const PeerTime time = peer.frame(
-                moment.all, moment.receivers, *candidate.grid,
+                moment.all, chosen[m], *candidate.grid,
                 candidate.entry.kind == Kind::naive ? PeerLoop::single : PeerLoop::packets, transfer);
-            receivers += static_cast<double>(moment.receivers.size());
-            cpu += time.cpu_ms;
-            wall += time.wall_ms;
+            const auto all = static_cast<double>(moment.receivers.size());
+            const double scale = all / static_cast<double>(std::max<size_t>(chosen[m].size(), 1));
+            receivers += all;
+            cpu += time.refit_ms + (time.cpu_ms - time.refit_ms) * scale;
+            wall += time.refit_wall_ms + (time.wall_ms - time.refit_wall_ms) * scale;
             refit += time.refit_ms;
         }
     }
@@ -366,53 +216,42 @@ void time_candidate(Candidate& candidate, const std::vector<Moment>& moments, En
     candidate.refit.push_back(refit / frames);
 }
 
-void measure_scaling(const scenes::Scene& scene, const MeasureOptions& options,
-                     const std::vector<Moment>& moments, SceneReport& report) {
-    const uint32_t most =
-        options.scaling_threads ? options.scaling_threads : std::max(1u, std::thread::hardware_concurrency());
-    std::vector<std::unique_ptr<Engine>> engines;
-    try {
-        for (uint32_t threads = 1; threads <= most; threads = threads < 4 ? threads + 1 : threads * 2)
-            engines.push_back(
-                std::make_unique<Engine>(scene, EngineOptions{threads, options.isa, {}}, scene.name));
-    } catch (const Failure& failure) {
-        // A build without TBB.
-        report.notes.push_back(std::string("scaling: ") + failure.what());
+// How many receivers a moment get a reference so that the scene keeps its limit: a few are traced to see.
+// What the other entries' errors take is about one and a half times the reference.
+uint32_t affordable_receivers(const std::vector<Moment>& moments, const MeasureOptions& options,
+                              const Limit& limit) {
+    double ms[2] = {};
+    constexpr uint32_t counts[2] = {16, 80};
+    for (int k = 0; k < 2; ++k) {
+        Moment pilot = moments[0];
+        const double start = wall_ms();
+        if (!trace_reference(pilot, evenly(pilot.receivers, counts[k], 1), options.reference_rays, 1,
+                             [](double) {}))
+            return 0;
+        ms[k] = wall_ms() - start;
     }
-    const Quality qualities[] = {Quality::standard, Quality::fine};
-    std::vector<std::vector<double>> wall(engines.size() * 2), us(engines.size() * 2);
-    std::vector<ScalingPoint> points(engines.size() * 2);
-    std::vector<float> transfer;
-    for (uint32_t repeat = 0; repeat <= options.repeats; ++repeat) {
-        for (size_t k = 0; k < points.size(); ++k) {
-            if (interrupted()) return;
-            Engine& engine = *engines[k / 2];
-            ScalingPoint& point = points[k];
-            point.entry = quality_name(qualities[k % 2]);
-            point.threads = engine.threads();
-            point.hash = hash_start;
-            double total_wall = 0, total_cpu = 0, receivers = 0, frames = 0;
-            for (const Moment& moment : moments) {
-                if (moment.follows) continue;
-                const FrameStats stats = timed_frame(engine, moment.pose, qualities[k % 2], transfer);
-                point.hash = hash_of(transfer, point.hash);
-                point.took_part = std::max(point.took_part, stats.threads);
-                total_wall += stats.wall_ms;
-                total_cpu += stats.cpu_ms;
-                receivers += stats.receivers_computed;
-                ++frames;
-            }
-            // The first round warms up.
-            if (repeat == 0) continue;
-            wall[k].push_back(total_wall / frames);
-            us[k].push_back(receivers > 0 ? 1e3 * total_cpu / receivers : 0);
-        }
+    const double each = std::max((ms[1] - ms[0]) / (counts[1] - counts[0]), 1e-3);
+    const double once = std::max(ms[0] - counts[0] * each, 0.0);
+    const double count = (limit.left_ms(reference_share) / static_cast<double>(moments.size()) - once) / each;
+    return static_cast<uint32_t>(
+        std::clamp(count, double{least_receivers}, static_cast<double>(options.most_receivers)));
+}
+
+// How many receivers the peer is timed on so that all rounds keep the limit.
+size_t affordable_peer_receivers(const std::vector<Candidate>& candidates, const std::vector<Moment>& moments,
+                                 const MeasureOptions& options, const Limit& limit, double ours_ms) {
+    size_t all = 0;
+    double frames = 0, each = 0;
+    for (const Moment& moment : moments) {
+        all = std::max(all, moment.receivers.size());
+        frames += !moment.follows;
     }
-    for (size_t k = 0; k < points.size(); ++k) {
-        points[k].wall_ms = time_of(wall[k]);
-        points[k].us = time_of(us[k]);
-        report.scaling.push_back(points[k]);
-    }
+    if (limit.ms == 0) return all;
+    for (const Candidate& candidate : candidates)
+        each += candidate.error_ms;
+    if (!(each > 0)) return all;
+    const double round = limit.left_ms(times_share) / options.repeats - ours_ms;
+    return std::max<size_t>(static_cast<size_t>(std::max(round, 0.0) / each), 4 * peer_run);
 }
 
 } // namespace
@@ -431,16 +270,11 @@ const char* kind_name(Kind kind) {
     return "unknown";
 }
 
-Time time_of(std::vector<double> values) {
-    if (values.empty()) return {};
-    std::sort(values.begin(), values.end());
-    const size_t n = values.size();
-    return {values.front(), (values[(n - 1) / 2] + values[n / 2]) / 2};
-}
-
 SceneReport measure_scene(const scenes::Scene& scene, const MeasureOptions& options,
                           const std::vector<Light>& lights,
                           const std::function<void(double, const char*)>& show) {
+    Limit limit;
+    limit.ms = options.limit_seconds * 1e3;
     SceneReport report;
     report.name = scene.name;
     for (const Light& light : lights)
@@ -451,22 +285,19 @@ SceneReport measure_scene(const scenes::Scene& scene, const MeasureOptions& opti
     report.receivers = moments[0].receivers.size();
 
     // The same vertices in every frame, so that the change has both ends.
-    std::vector<uint32_t> wanted;
-    {
-        const std::vector<uint32_t>& all = moments[0].receivers;
-        const size_t step = (all.size() + options.most_receivers - 1) / std::max(options.most_receivers, 1u);
-        for (size_t k = 0; k < all.size(); k += std::max<size_t>(step, 1))
-            wanted.push_back(all[k]);
-    }
+    const uint32_t most =
+        limit.ms > 0 ? affordable_receivers(moments, options, limit) : options.most_receivers;
+    const std::vector<uint32_t> wanted = evenly(moments[0].receivers, most, 1);
     report.reference_rays = options.reference_rays;
     report.reference_receivers = static_cast<uint32_t>(wanted.size());
     const double traced_from = wall_ms();
     size_t traced = 0;
     for (Moment& moment : moments) {
-        const bool done = trace_reference(moment, options, wanted, 1000 + traced, [&](double part) {
-            show(0.5 * (static_cast<double>(traced) + part) / static_cast<double>(moments.size()),
-                 "reference");
-        });
+        const bool done =
+            trace_reference(moment, wanted, options.reference_rays, 1000 + traced, [&](double part) {
+                show(0.5 * (static_cast<double>(traced) + part) / static_cast<double>(moments.size()),
+                     "reference");
+            });
         if (!done) break;
         ++traced;
     }
@@ -479,7 +310,7 @@ SceneReport measure_scene(const scenes::Scene& scene, const MeasureOptions& opti
     report.reference_seconds = (wall_ms() - traced_from) / 1e3;
     for (const Moment& moment : moments)
         if (!moment.follows) report.times.push_back(moment.time);
-    gather_noise(moments, report);
+    report.noise = reference_noise(moments);
 
     CountingAllocator counter;
     const double adding = wall_ms();
@@ -490,39 +321,59 @@ SceneReport measure_scene(const scenes::Scene& scene, const MeasureOptions& opti
         const MeshInfo info = engine.mesh(m);
         report.mesh_bytes += info.bytes;
         report.levels = std::max(report.levels, info.levels);
-        report.coarse_triangles += info.levels ? info.level_triangles[info.levels - 1] : 0;
+        report.coarse_triangles += info.coarse_triangles;
     }
     std::optional<Peer> peer;
     peer.emplace(moments[0].all, options.threads);
     report.peer_build_ms = peer->build_ms();
 
     std::vector<Candidate> candidates = make_candidates(options, lights);
-    for (size_t k = 0; k < candidates.size();) {
-        show(0.5 + 0.15 * static_cast<double>(k) / static_cast<double>(candidates.size()), "errors");
-        bool good = false;
-        try {
-            good = gather_errors(candidates[k], moments, engine, *peer);
-        } catch (const Failure& failure) {
-            report.notes.push_back(candidates[k].entry.name + ": " + failure.what());
-        }
+    {
         // What is not there, or was cut short, isn't told.
-        if (good) {
-            ++k;
+        std::vector<uint8_t> good(candidates.size());
+        double done = 0;
+        for (const size_t k : by_need(candidates)) {
+            show(0.5 + 0.15 * done++ / static_cast<double>(candidates.size()), "errors");
+            try {
+                good[k] = gather_errors(candidates[k], moments, engine, *peer, limit);
+            } catch (const Failure& failure) {
+                report.notes.push_back(candidates[k].entry.name + ": " + failure.what());
+            }
+        }
+        size_t kept = 0;
+        for (size_t k = 0; k < candidates.size(); ++k)
+            if (good[k]) std::swap(candidates[kept++], candidates[k]);
+        candidates.erase(candidates.begin() + static_cast<std::ptrdiff_t>(kept), candidates.end());
+    }
+
+    std::vector<std::vector<uint32_t>> chosen;
+    for (uint32_t repeat = 0; repeat <= options.repeats && !limit.stop(times_share); ++repeat) {
+        show(0.65 + 0.3 * repeat / (options.repeats + 1.0), "times");
+        // The first round warms up caches and allocations; the peer has none of its own.
+        std::vector<float> transfer;
+        const double start = wall_ms();
+        for (Candidate& candidate : candidates)
+            if (timed(candidate) && !limit.stop() && (repeat > 0 || candidate.entry.kind == Kind::ours))
+                time_candidate(candidate, moments, chosen, engine, *peer, transfer, repeat > 0);
+        if (repeat == 0) {
+            const size_t count =
+                affordable_peer_receivers(candidates, moments, options, limit, wall_ms() - start);
+            for (const Moment& moment : moments)
+                chosen.push_back(evenly(moment.receivers, count, peer_run));
+            report.peer_receivers = chosen[0].size();
         } else {
-            candidates.erase(candidates.begin() + static_cast<std::ptrdiff_t>(k));
+            report.repeats = repeat;
         }
     }
-    for (uint32_t repeat = 0; repeat <= options.repeats && !interrupted(); ++repeat) {
-        show(0.65 + 0.3 * repeat / (options.repeats + 1.0), "times");
-        // The first round warms up caches and allocations.
-        for (Candidate& candidate : candidates)
-            if (timed(candidate) && !interrupted()) {
-                const bool cheap = candidate.entry.kind == Kind::ours;
-                if (repeat > 0 || cheap) time_candidate(candidate, moments, engine, *peer, repeat > 0);
-            }
-        if (repeat > 0) report.repeats = repeat;
+    if (limit.past(errors_share) && report.repeats < options.repeats)
+        report.notes.push_back("the time limit cut it short");
+    for (const Candidate& candidate : candidates) {
+        if (candidate.entry.kind == Kind::ours && !candidate.us.empty() &&
+            candidate.fastest.receivers_computed != candidate.computed)
+            report.notes.push_back(candidate.entry.name +
+                                   ": the timed frames did less than whole frames; its times mean nothing");
     }
-    report.complete = !interrupted();
+    report.complete = !interrupted() && report.repeats == options.repeats;
     report.context_bytes = static_cast<uint64_t>(counter.bytes.load());
     report.peer_bytes = peer->bytes();
     // Embree limits TBB in the whole process to the threads of its device, which scaling must not inherit.
@@ -533,8 +384,8 @@ SceneReport measure_scene(const scenes::Scene& scene, const MeasureOptions& opti
         Entry& entry = candidate.entry;
         entry.all = candidate.gatherer.all();
         entry.clear = candidate.gatherer.clear();
-        entry.all.noisy = entry.all.each.mean <= report.noise_all.mean;
-        entry.clear.noisy = entry.clear.each.mean <= report.noise_clear.mean;
+        entry.all.noisy = entry.all.each.mean <= report.noise.all.mean;
+        entry.clear.noisy = entry.clear.each.mean <= report.noise.clear.mean;
         entry.absolute = candidate.gatherer.absolute();
         entry.ambient = candidate.gatherer.ambient();
         entry.change = candidate.gatherer.change();
@@ -558,21 +409,34 @@ SceneReport measure_scene(const scenes::Scene& scene, const MeasureOptions& opti
         report.entries.push_back(entry);
     }
     show(0.95, "scaling");
-    if (!interrupted()) measure_scaling(scene, options, moments, report);
-    if (options.pictures && !interrupted()) {
-        std::vector<float> transfer;
-        for (const Entry& entry : report.entries) {
-            if (entry.kind != Kind::ours || entry.worst.empty()) continue;
-            // The frame of the worst receiver.
-            const Moment& moment = moments[entry.worst[0].frame];
-            Quality quality = Quality::standard;
-            quality_from_name(entry.name.c_str(), &quality);
-            engine.frame(moment.pose, quality, transfer);
-            report.shots.push_back({file_name(scene.name) + "_" + entry.name, entry.name,
-                                    error_picture(moment.all, scene.view_direction, transfer,
-                                                  moment.reference, moment.traced, moment.clear)});
-        }
+    if (limit.ms == 0 && !interrupted()) measure_scaling(scene, options, moments, report);
+    std::vector<float> transfer;
+    std::vector<Shot> lit_shots;
+    for (const Entry& entry : report.entries) {
+        if (entry.kind != Kind::ours || entry.worst.empty() || limit.stop()) continue;
+        if (limit.ms > 0 && entry.name != "standard") continue;
+        // The frame of the worst receiver.
+        const Moment& moment = moments[entry.worst[0].frame];
+        Quality quality = Quality::standard;
+        quality_from_name(entry.name.c_str(), &quality);
+        engine.frame(moment.pose, quality, transfer);
+        std::vector<Worst> here;
+        for (const Worst& each : entry.worst)
+            if (each.frame == entry.worst[0].frame) here.push_back(each);
+        const std::string name = file_name(scene.name) + "_" + entry.name;
+        report.shots.push_back({name,
+                                entry.name + ": relative error of each vertex, at the worst one's moment",
+                                error_picture(moment, scene.view_direction, transfer, here)});
+        if (quality != Quality::standard || moment.traced.size() != moment.receivers.size() || lights.empty())
+            continue;
+        std::array<Picture, 2> lit = lit_pictures(moment, scene.view_direction, transfer, lights[0]);
+        lit_shots.push_back(
+            {name + "_lit", "standard under the light '" + lights[0].name + "'", std::move(lit[0])});
+        lit_shots.push_back({file_name(scene.name) + "_reference_lit",
+                             "the reference under the same light, moment and view", std::move(lit[1])});
     }
+    for (Shot& shot : lit_shots)
+        report.shots.push_back(std::move(shot));
     return report;
 }
 

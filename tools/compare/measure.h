@@ -4,12 +4,15 @@
 
 #include "bench/scenes/scene.h"
 #include "tools/compare/figures.h"
+#include "tools/compare/moment.h"
+#include "tools/compare/timing.h"
 #include "tools/image/image.h"
 #include "tools/report/progress.h"
 
 #include <nusselt/nusselt.h>
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -24,9 +27,10 @@ struct MeasureOptions {
     uint32_t reference_rays = 16384; // a receiver
     uint32_t most_receivers = 20000; // with a reference, a frame; more are thinned out evenly
     uint32_t most_peer_rays = 4096;
+    // Of a scene; 0: none. With a limit the reference and the peer's times are taken on as many receivers as
+    // it allows, what is needed least is left out when it is over, and scaling is not measured.
+    double limit_seconds = 0;
     bool naive = false;
-    bool floors = true;
-    bool pictures = true;
     Isa isa = Isa::best;
 };
 
@@ -37,11 +41,6 @@ enum class Kind {
     floor  // exact rays through a mask's own sample points: no time
 };
 const char* kind_name(Kind kind);
-
-struct Time {
-    double min = 0, median = 0;
-};
-Time time_of(std::vector<double> values);
 
 struct Entry {
     std::string name;
@@ -81,9 +80,8 @@ struct SceneReport {
     std::vector<double> times;                            // moments in seconds
     uint32_t reference_rays = 0, reference_receivers = 0; // a frame
     double reference_seconds = 0;
-    uint64_t counted = 0, clear = 0, dark = 0; // receivers over all frames: see 1 %; clear; the rest
-    Distribution noise_all, noise_clear;       // relative, of the reference itself
-    double noise_change = 0;
+    uint64_t peer_receivers = 0; // a frame, on which the peer was timed; its times are scaled up to all
+    Noise noise;                 // of the reference itself; its counts are receivers over all frames
     std::vector<std::string> lights;
     std::vector<Entry> entries;
     std::vector<ScalingPoint> scaling;

@@ -257,6 +257,7 @@ PeerTime Peer::frame(const Assembly& all, const std::vector<uint32_t>& receivers
     }
     rtcCommitScene(scene_.get());
     time.refit_ms = cpu_ms(clock) - start_cpu;
+    time.refit_wall_ms = wall_ms() - start;
 
     struct Work {
         const Peer* peer;

@@ -39,6 +39,7 @@ enum class PeerLoop {
 struct PeerTime {
     double cpu_ms = 0, wall_ms = 0; // refit included
     double refit_ms = 0;            // processor time
+    double refit_wall_ms = 0;
 };
 
 class Peer {

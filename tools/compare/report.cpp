@@ -119,7 +119,7 @@ Json to_json(const Entry& entry, const SceneReport& scene) {
     json["absolute"] = to_json(entry.absolute);
     json["ambient_occlusion"] = to_json(entry.ambient);
     json["temporal"] = to_json(entry.change);
-    json["temporal"]["below_noise"] = entry.change.count > 0 && entry.change.mean <= scene.noise_change;
+    json["temporal"]["below_noise"] = entry.change.count > 0 && entry.change.mean <= scene.noise.change;
     json["radiance"] = Json::object();
     for (size_t k = 0; k < entry.radiance.size(); ++k) {
         json["radiance"][scene.lights[k]] = {{"relative_rms", number(entry.radiance[k].relative)},
@@ -159,18 +159,20 @@ Json to_json(const SceneReport& scene) {
     json["reference"] = {{"rays", scene.reference_rays},
                          {"receivers_per_frame", scene.reference_receivers},
                          {"seconds", scene.reference_seconds},
-                         {"counted", scene.counted},
-                         {"clear", scene.clear},
-                         {"dark", scene.dark},
+                         {"counted", scene.noise.all.count},
+                         {"clear", scene.noise.clear.count},
+                         {"dark", scene.noise.dark},
                          {"noise",
-                          {{"all", to_json(scene.noise_all)},
-                           {"clear", to_json(scene.noise_clear)},
-                           {"temporal_mean", scene.noise_change}}}};
+                          {{"all", to_json(scene.noise.all)},
+                           {"clear", to_json(scene.noise.clear)},
+                           {"temporal_mean", scene.noise.change}}}};
     json["memory"] = {{"mesh_bytes", scene.mesh_bytes},
                       {"context_bytes", scene.context_bytes},
                       {"peer_bytes", scene.peer_bytes}};
     json["add_mesh_ms"] = scene.add_mesh_ms;
-    json["peer"] = {{"build_ms", scene.peer_build_ms}, {"refit_ms", scene.peer_refit_ms}};
+    json["peer"] = {{"build_ms", scene.peer_build_ms},
+                    {"refit_ms", scene.peer_refit_ms},
+                    {"receivers_timed_per_frame", scene.peer_receivers}};
     json["entries"] = Json::array();
     for (const Entry& entry : scene.entries)
         json["entries"].push_back(to_json(entry, scene));
@@ -243,12 +245,27 @@ Json report_json(const Comparison& comparison) {
                         {"frames", options.frames},
                         {"repeats", options.repeats},
                         {"reference_rays", options.reference_rays},
-                        {"most_receivers", options.most_receivers}};
+                        {"most_receivers", options.most_receivers},
+                        {"limit_seconds", options.limit_seconds}};
     json["histogram"] = {
         {"low_decade", histogram_low}, {"bins_per_decade", histogram_per}, {"bins", histogram_bins}};
     json["scenes"] = Json::array();
     for (const SceneReport& scene : comparison.scenes)
         json["scenes"].push_back(to_json(scene));
+    json["failures"] = Json::array();
+    for (const Unmeasured& failure : comparison.failures)
+        json["failures"].push_back(
+            {{"name", printable(failure.name)}, {"reason", printable(failure.reason)}});
+    json["sizes"] = Json::array();
+    for (const SizePoint& point : comparison.sizes) {
+        json["sizes"].push_back({{"entry", point.entry},
+                                 {"vertices", point.vertices},
+                                 {"triangles", point.triangles},
+                                 {"receivers", point.receivers},
+                                 {"us_per_vertex", to_json(point.us)},
+                                 {"frame_ms", to_json(point.wall_ms)},
+                                 {"triangles_rasterized", point.triangles_rasterized}});
+    }
     json["paper"] = Json::array();
     for (const PaperRow& row : paper_rows) {
         json["paper"].push_back({{"name", row.name},
@@ -257,6 +274,8 @@ Json report_json(const Comparison& comparison) {
                                  {"coarse_triangles", row.coarse_triangles},
                                  {"triangles_rasterized", row.rasterized},
                                  {"fps", row.fps},
+                                 {"triangles_rasterized_pvs", row.rasterized_pvs},
+                                 {"fps_pvs", row.fps_pvs},
                                  {"error", row.error},
                                  {"stages",
                                   {{"raster", row.shares[0]},
@@ -278,9 +297,10 @@ std::string terminal_table(const Comparison& comparison) {
         out += format(
             "  reference: %u rays at %u receivers a frame; noise %s %% (clear %s %%); %llu counted, %llu "
             "clear, %llu see under 1 %%\n",
-            scene.reference_rays, scene.reference_receivers, percent(scene.noise_all.mean).c_str(),
-            percent(scene.noise_clear.mean).c_str(), static_cast<unsigned long long>(scene.counted),
-            static_cast<unsigned long long>(scene.clear), static_cast<unsigned long long>(scene.dark));
+            scene.reference_rays, scene.reference_receivers, percent(scene.noise.all.mean).c_str(),
+            percent(scene.noise.clear.mean).c_str(), static_cast<unsigned long long>(scene.noise.all.count),
+            static_cast<unsigned long long>(scene.noise.clear.count),
+            static_cast<unsigned long long>(scene.noise.dark));
         out += format("  %-28s %8s %8s %8s | %6s %6s %6s %6s | %6s %6s %6s %6s | %6s %6s | %s\n", "",
                       "us/vtx", "median", "ms/frame", "all %", "p95", "p99", "max", "clear%", "p95", "p99",
                       "max", "AO %", "flick%", "Embree's time at equal error: all, clear");
@@ -291,15 +311,15 @@ std::string terminal_table(const Comparison& comparison) {
                          : format("%8s %8s %8s", "-", "-", "-");
             for (const bool clear : {false, true}) {
                 const ErrorFigures& figures = clear ? entry.clear : entry.all;
-                out += " | " + pad(percent(figures, clear ? scene.noise_clear : scene.noise_all), 6);
+                out += " | " + pad(percent(figures, clear ? scene.noise.clear : scene.noise.all), 6);
                 for (const double value : {figures.each.p95, figures.each.p99, figures.each.max})
                     out += " " + pad(percent(value), 6);
             }
-            const bool noisy = entry.change.mean <= scene.noise_change;
+            const bool noisy = entry.change.mean <= scene.noise.change;
             out +=
                 " | " + pad(percent(entry.ambient.mean), 6) + " " +
                 pad(entry.change.count == 0 ? "-"
-                                            : percent(noisy ? scene.noise_change : entry.change.mean, noisy),
+                                            : percent(noisy ? scene.noise.change : entry.change.mean, noisy),
                     6);
             if (entry.kind == Kind::ours) {
                 out += " | x " + speedup(entry.peer_all, entry.us) + ", x " +
@@ -327,6 +347,64 @@ std::string terminal_table(const Comparison& comparison) {
 
 namespace {
 
+// The median of what could be told.
+double middle_of(std::vector<double> values) {
+    std::erase_if(values, [](double value) { return !(value > 0) || !std::isfinite(value); });
+    return time_of(std::move(values)).median;
+}
+
+} // namespace
+
+std::string summary_table(const Comparison& comparison) {
+    std::string out =
+        format("quality standard, errors in %% of the transfer vector over clear receivers; floor: "
+               "exact rays through the same 1024 samples\n%-28s %8s %8s %12s %6s | %7s %7s | %6s %6s "
+               "%6s | %6s %5s | %7s | %s\n",
+               "", "vertices", "triang.", "errors over", "clear", "us/vtx", "tri/vtx", "mean", "p99", "max",
+               "floor", "x", "all", "Embree's time at equal error: clear, all");
+    std::vector<double> over_floor, speed, times;
+    for (const SceneReport& scene : comparison.scenes) {
+        const Entry *entry = find(scene, "standard"), *floor = find(scene, "floor 1024");
+        out += format("%-28.28s %8llu %8llu", printable(scene.name).c_str(),
+                      static_cast<unsigned long long>(scene.vertices),
+                      static_cast<unsigned long long>(scene.triangles));
+        if (!entry) {
+            out += "  not measured within the limit\n";
+            continue;
+        }
+        const double times_floor =
+            floor && floor->clear.each.mean > 0 ? entry->clear.each.mean / floor->clear.each.mean : 0;
+        out += format(
+            " %12s %5.0f%% |",
+            (std::to_string(scene.reference_receivers) + "/" + std::to_string(scene.receivers)).c_str(),
+            100 * static_cast<double>(scene.noise.clear.count) /
+                std::max<double>(static_cast<double>(scene.noise.all.count), 1));
+        out += entry->us.min > 0 ? format(" %7.3f", entry->us.min) : pad("-", 8);
+        out += entry->stats ? format(" %7.1f |", static_cast<double>(entry->stats->triangles_rasterized) /
+                                                     std::max<double>(entry->stats->receivers_computed, 1))
+                            : pad("-", 8) + " |";
+        out += " " + pad(percent(entry->clear, scene.noise.clear), 6);
+        for (const double value : {entry->clear.each.p99, entry->clear.each.max})
+            out += " " + pad(percent(value), 6);
+        out += " | " + pad(floor ? percent(floor->clear, scene.noise.clear) : "-", 6) + " " +
+               pad(times_floor > 0 ? format("%.2f", times_floor) : "-", 5);
+        out += " | " + pad(percent(entry->all, scene.noise.all), 7);
+        out += " | x " + pad(speedup(entry->peer_clear, entry->us), 6) + ", x " +
+               pad(speedup(entry->peer_all, entry->us), 6) + (scene.complete ? "" : "  (not complete)") +
+               "\n";
+        over_floor.push_back(times_floor);
+        times.push_back(entry->us.min);
+        if (entry->us.min > 0) speed.push_back(entry->peer_clear.time / entry->us.min);
+    }
+    out += format("median of %zu: %.3f us a vertex, %.2f times the floor, x %.1f\n", comparison.scenes.size(),
+                  middle_of(times), middle_of(over_floor), middle_of(speed));
+    for (const Unmeasured& failure : comparison.failures)
+        out += printable(failure.name) + ": not measured: " + printable(failure.reason) + '\n';
+    return out + '\n';
+}
+
+namespace {
+
 constexpr const char* begin_marker = "<!-- compare:begin -->";
 constexpr const char* end_marker = "<!-- compare:end -->";
 
@@ -344,17 +422,20 @@ std::string markdown_tables(const Comparison& comparison) {
            "transfer vector "
            "over *clear* receivers and over all (p99 in brackets); how many times longer the peer (Embree, "
            "refitted "
-           "BVH, 4x4 packets, cell-integrated weights) takes to the same error on clear receivers.\n\n";
-    out += "| scene | quality | us a vertex | ms a frame | error, clear | error, all | Embree takes |\n"
-           "|---|---|---|---|---|---|---|\n";
+           "BVH, 4x4 packets, cell-integrated weights) takes to the same error on clear receivers, and over "
+           "all.\n\n";
+    out += "| scene | quality | us a vertex | ms a frame | error, clear | error, all | Embree takes: clear | "
+           "all |\n"
+           "|---|---|---|---|---|---|---|---|\n";
     for (const SceneReport& scene : comparison.scenes) {
         for (const Entry& entry : scene.entries) {
             if (entry.kind != Kind::ours) continue;
-            out += format("| %s | %s | %.2f | %.2f | %s %% (%s %%) | %s %% (%s %%) | %s x |\n",
+            out += format("| %s | %s | %.2f | %.2f | %s %% (%s %%) | %s %% (%s %%) | %s x | %s x |\n",
                           printable(scene.name).c_str(), entry.name.c_str(), entry.us.min, entry.wall_ms.min,
-                          percent(entry.clear, scene.noise_clear).c_str(),
-                          percent(entry.clear.each.p99).c_str(), percent(entry.all, scene.noise_all).c_str(),
-                          percent(entry.all.each.p99).c_str(), speedup(entry.peer_clear, entry.us).c_str());
+                          percent(entry.clear, scene.noise.clear).c_str(),
+                          percent(entry.clear.each.p99).c_str(), percent(entry.all, scene.noise.all).c_str(),
+                          percent(entry.all.each.p99).c_str(), speedup(entry.peer_clear, entry.us).c_str(),
+                          speedup(entry.peer_all, entry.us).c_str());
         }
     }
     const auto row = [&](const char* name, const auto& theirs, const auto& ours) {
@@ -389,6 +470,9 @@ std::string markdown_tables(const Comparison& comparison) {
         "triangles", [&](const PaperRow& p) { return whole(p.triangles); },
         [&](const SceneReport& s, const Entry&) { return whole(static_cast<double>(s.triangles)); });
     row(
+        "triangles of the coarse mesh", [&](const PaperRow& p) { return whole(p.coarse_triangles); },
+        [&](const SceneReport& s, const Entry&) { return whole(s.coarse_triangles); });
+    row(
         "triangles rasterised a vertex", [&](const PaperRow& p) { return tenth(p.rasterized); },
         [&](const SceneReport&, const Entry& e) {
             return tenth(static_cast<double>(e.stats->triangles_rasterized) /
@@ -400,11 +484,17 @@ std::string markdown_tables(const Comparison& comparison) {
             return tenth(static_cast<double>(e.stats->triangles_considered) /
                          std::max<double>(e.stats->receivers_computed, 1));
         });
+    const auto given = [&](double value) { return value > 0 ? tenth(value) : std::string("-"); };
+    const auto not_built = [](const SceneReport&, const Entry&) { return std::string("-"); };
+    row(
+        "the same with their PVS", [&](const PaperRow& p) { return given(p.rasterized_pvs); }, not_built);
     row(
         "frames a second", [&](const PaperRow& p) { return tenth(p.fps); },
         [&](const SceneReport&, const Entry& e) {
             return whole(e.wall_ms.min > 0 ? 1e3 / e.wall_ms.min : 0);
         });
+    row(
+        "the same with their PVS", [&](const PaperRow& p) { return given(p.fps_pvs); }, not_built);
     row(
         "mean L2 error, %", [&](const PaperRow& p) { return percent(p.error); },
         [&](const SceneReport&, const Entry& e) { return percent(e.all.each.mean); });

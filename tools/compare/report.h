@@ -2,6 +2,7 @@
 #pragma once
 
 #include "tools/compare/measure.h"
+#include "tools/compare/sizes.h"
 
 #include <nlohmann/json_fwd.hpp>
 
@@ -10,12 +11,19 @@
 
 namespace nusselt::tools {
 
+// A model that could not be measured.
+struct Unmeasured {
+    std::string name, reason;
+};
+
 struct Comparison {
     MeasureOptions options;
     std::string command;
     bool complete = true; // not cut short
     double seconds = 0;
     std::vector<SceneReport> scenes;
+    std::vector<Unmeasured> failures;
+    std::vector<SizePoint> sizes; // empty: not measured
 };
 
 // The reading of the format; grows with every change that a reader can trip over.
@@ -27,6 +35,8 @@ const char* source_revision();
 
 nlohmann::ordered_json report_json(const Comparison& comparison);
 std::string terminal_table(const Comparison& comparison);
+// One line a scene: quality standard against its floor and against the peer.
+std::string summary_table(const Comparison& comparison);
 // Tables 1 and 2 of the paper beside ours, and run time against error. For the README.
 std::string markdown_tables(const Comparison& comparison);
 // `text` with what stands between the markers replaced. Throws Failure (about `path`) where they are missing.

@@ -137,6 +137,7 @@ typedef struct nusselt_mesh_info {
     uint32_t levels, clusters;
     uint32_t level_triangles[16];
     size_t bytes;
+    uint32_t coarse_triangles;
 } nusselt_mesh_info;
 
 nusselt_status nusselt_add_mesh(nusselt_context* context, const nusselt_mesh_desc* desc, nusselt_mesh* out);

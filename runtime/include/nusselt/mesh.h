@@ -39,6 +39,7 @@ struct MeshInfo {
     uint32_t clusters = 0;           // of all levels
     uint32_t level_triangles[16] = {}; // triangles of each level, finest first
     size_t bytes = 0;                  // memory held by the mesh
+    uint32_t coarse_triangles = 0;     // of the one coarse mesh that quality `paper` takes
 };
 
 // Adds a mesh: welds, finds components, builds levels and clusters (about 100 ms for 10,000 vertices or

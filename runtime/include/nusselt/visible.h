@@ -24,11 +24,11 @@ struct Camera {
 
 // Sets the bits (FrameMesh::needed) of the corners of all triangles that face the camera and aren't wholly
 // beside its picture; clears none, so several cameras may be joined. Zero the mask first. Occlusion is not
-// looked at. In doubt a triangle counts: edge-on, across the eye's plane, or with a corner that is not finite.
-// `indices` as in MeshDesc (counter-clockwise seen from outside), `positions` those of the frame, `needed`
-// (positions.count + 31) / 32 words. Some 20 ns a triangle, on the calling thread, without memory of its own.
-// `invalid_argument`: null pointers, a stride or a count that does not fit, an index out of range; no bit is
-// changed.
+// looked at. In doubt a triangle counts: edge-on, across the eye's plane, or with a corner that is not
+// finite. `indices` as in MeshDesc (counter-clockwise seen from outside), `positions` those of the frame,
+// `needed` (positions.count + 31) / 32 words. Some 20 ns a triangle, on the calling thread, without memory of
+// its own. `invalid_argument`: null pointers, a stride or a count that does not fit, an index out of range;
+// no bit is changed.
 Status mark_visible(const Camera& camera, Vec3View positions, const uint32_t* indices, size_t index_count,
                     uint32_t* needed);
 
