@@ -227,7 +227,7 @@ void run_lists(State& state, const Kernels& k, const Tables& tables, std::vector
 // Planes all over the table, so that its size is the working set: 32 KB is in the first-level cache, 512 KB
 // in the second, 2 and 8 MB in the third on most machines.
 void run_random(State& state, const Kernels& k, uint32_t cells) {
-    const MaskLayout layout{SampleMap::concentric, PlaneMap::octahedral, 32, cells};
+    const MaskLayout layout{SampleMap::scattered, PlaneMap::octahedral, 32, cells};
     Aligned<uint8_t> planes(plane_table_bytes(layout));
     build_plane_table(layout, 0, table_cells(layout), planes.data());
     Tables tables;

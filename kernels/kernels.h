@@ -65,6 +65,7 @@ struct ClusterView {
     uint32_t vertex_count, edge_count, triangle_count;
     uint32_t two_sided;
     float centre[3], radius;
+    float clearance; // a triangle whose plane passes the receiver no farther off than this is left out
     float nearest,
         farthest; // band of distances; a triangle is in it where its nearest corner is below `farthest` and
                   // its farthest corner is not below `nearest`, so that levels overlap and leave no gap
@@ -162,8 +163,9 @@ const Kernels* kernels_for(Set set);
 
 // Tables are built in double with arithmetic that is the same everywhere; the caller gives the memory.
 void build_plane_table(const MaskLayout& layout, uint32_t first_cell, uint32_t end_cell, uint8_t* planes);
-void build_weights(const MaskLayout& layout, int16_t* nibbles, int16_t* blocks, int16_t* total, float* scale,
-                   float* block_weights);
+// `weights`: room for 25 a bit; what each bit weighs, before it is rounded.
+void build_weights(const MaskLayout& layout, double (*weights)[25], int16_t* nibbles, int16_t* blocks,
+                   int16_t* total, float* scale, float* block_weights);
 // The sample direction of a bit (block-ordered as in the mask), in the tangent frame. False: the cell is
 // unused.
 bool sample_direction(const MaskLayout& layout, uint32_t bit, double direction[3]);

@@ -14,9 +14,11 @@ constexpr uint32_t cluster_triangles = 64;
 
 // Where the sample points lie.
 enum class SampleMap : uint32_t {
-    disk_grid,  // the paper: a square grid around the unit disk, cells outside it unused
-    concentric, // Shirley and Chiu's map of the square to the disk: every cell has the same cosine-weighted
-                // solid angle
+    disk_grid, // the paper: a square grid around the unit disk, cells outside it unused
+    scattered, // Shirley and Chiu's map of the square to the disk: every cell has the same cosine-weighted
+               // solid angle. A cell's sample lies off its centre, another way in each row and column, so
+               // that no edge of a shadow runs along a row of them; a bit weighs what is nearest to its
+               // sample
 };
 
 // How a plane through the receiver finds its cell of the table.
@@ -37,6 +39,7 @@ struct MaskLayout {
 constexpr uint32_t mask_bits(const MaskLayout& l) {
     return l.side * l.side;
 }
+constexpr uint32_t max_mask_bits = 4096;
 constexpr uint32_t mask_bytes(const MaskLayout& l) {
     return mask_bits(l) / 8;
 }
@@ -63,8 +66,8 @@ constexpr uint32_t entry_complement(const MaskLayout& l) {
 }
 
 constexpr MaskLayout paper_layout{SampleMap::disk_grid, PlaneMap::cube, 32, 128};
-constexpr MaskLayout standard_layout{SampleMap::concentric, PlaneMap::octahedral, 32, 128};
-constexpr MaskLayout fine_layout{SampleMap::concentric, PlaneMap::octahedral, 64, 128};
+constexpr MaskLayout standard_layout{SampleMap::scattered, PlaneMap::octahedral, 32, 128};
+constexpr MaskLayout fine_layout{SampleMap::scattered, PlaneMap::octahedral, 64, 128};
 
 // Integration tables of one layout; all sizes in elements.
 constexpr size_t nibble_table_size(const MaskLayout& l) {

@@ -173,7 +173,7 @@ void cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* p
     for (uint32_t lane = 0; lane < lanes; ++lane) {
         const Vec local = to_local(batch, lane, {cluster.centre[0], cluster.centre[1], cluster.centre[2]});
         const float distance = std::sqrt(local.x * local.x + local.y * local.y + local.z * local.z);
-        margin[lane] = 1e-6f * (distance + cluster.radius);
+        margin[lane] = cluster.clearance + 1e-6f * (distance + cluster.radius);
         towards[lane] = horizon_towards(horizon, local);
     }
     for (uint32_t t = 0; t < cluster.triangle_count; ++t) {

@@ -298,7 +298,7 @@ HWY_INLINE uint64_t visible_triangles(const ReceiverBounds& receivers, const Clu
         const auto load = [&](uint32_t array)
                               HWY_ATTR { return hn::LoadU(df, cluster.bounds + array * slots + t); };
         const V height_over = hn::Sub(dot(load(0), load(1), load(2), px, py, pz), load(3));
-        const M front = hn::Or(two_sided, hn::Gt(hn::Add(height_over, radius), zero));
+        const M front = hn::Or(two_sided, hn::Gt(hn::Add(height_over, radius), constant(cluster.clearance)));
         const V x = hn::Sub(load(4), px), y = hn::Sub(load(5), py), z = hn::Sub(load(6), pz);
         const V square = dot(x, y, z, x, y, z);
         const V reach = hn::Add(load(7), radius);
@@ -336,7 +336,8 @@ void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float
         const Vec3 middle = to_local(chunk, constant(cluster.centre[0]), constant(cluster.centre[1]),
                                      constant(cluster.centre[2]));
         const V distance = hn::Sqrt(dot(middle.x, middle.y, middle.z, middle.x, middle.y, middle.z));
-        const V margin = hn::Mul(constant(1e-6f), hn::Add(distance, constant(cluster.radius)));
+        const V margin = hn::Add(constant(cluster.clearance),
+                                 hn::Mul(constant(1e-6f), hn::Add(distance, constant(cluster.radius))));
         const V opposite = hn::Sub(hn::Zero(df), margin);
         const Horizon towards = horizon_towards(horizon, middle.x, middle.y);
         const V farthest = constant(cluster.farthest * cluster.farthest),

@@ -2,6 +2,7 @@
 // same.
 #include "kernels/kernels.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -33,11 +34,10 @@ double cosine(double a) {
     return sum;
 }
 
-// A point of the square [-1, 1]^2 to the hemisphere. Worked out in one octant and mirrored, so that the
-// directions have the square's eight symmetries bit for bit.
+// A point of the square [-1, 1]^2 to the hemisphere. Worked out in one octant and mirrored.
 bool square_to_hemisphere(SampleMap map, double u, double v, double d[3]) {
     double x = std::fabs(u), y = std::fabs(v);
-    if (map == SampleMap::concentric) {
+    if (map == SampleMap::scattered) {
         const bool steep = y > x;
         const double radius = steep ? y : x, across = steep ? x : y;
         const double angle = radius > 0 ? quarter_pi * (across / radius) : 0.0;
@@ -53,6 +53,23 @@ bool square_to_hemisphere(SampleMap map, double u, double v, double d[3]) {
     return true;
 }
 
+// In cells: no scattered sample lies nearer to the horizon. Nearer, more triangles reach it than it is worth
+// (an open hand: 54 triangles a receiver and 0.70 % with 0.3 cells, 58 and 0.63 % with 0.2, 92 and 0.59 %
+// with none).
+constexpr double rim = 0.2;
+// In cells: nor to the line between a mask's halves. A triangle is drawn into the halves that it reaches, and
+// a plane of the table is off by a little: of two triangles that meet there, neither would hold such a
+// sample.
+constexpr double middle = 0.3;
+
+// Where in its cell, in [0, 1), a row or column has its samples: multiples of the golden ratio's fraction, so
+// that neither neighbours nor far rows line up.
+double shift_of(uint32_t line) {
+    constexpr double golden = 0.61803398874989484820;
+    const double turns = (line + 0.5) * golden;
+    return turns - std::floor(turns);
+}
+
 struct Constant {
     double operator()(double value) const { return value; }
 };
@@ -63,32 +80,51 @@ void cell_of_bit(uint32_t side, uint32_t bit, uint32_t& x, uint32_t& y) {
     y = (block / blocks_along) * 4 + (bit / 4) % 4;
 }
 
-// The integral of the 25 basis functions times cosine over pi, over one cell; false where the cell is unused.
-// In the plane of the disk the measure is area over pi, whatever the map; the concentric map keeps areas (4 :
-// pi).
-bool cell_weights(const MaskLayout& layout, uint32_t bit, double weights[25]) {
-    constexpr int samples = 8;
-    uint32_t cx, cy;
-    cell_of_bit(layout.side, bit, cx, cy);
-    double centre[3];
-    if (!sample_direction(layout, bit, centre)) return false;
-    for (int i = 0; i < 25; ++i)
-        weights[i] = 0;
-    const double cell = 2.0 / layout.side;
-    const double area =
-        layout.samples == SampleMap::concentric ? cell * cell / 4 : cell * cell / (4 * quarter_pi);
-    for (int sy = 0; sy < samples; ++sy) {
-        for (int sx = 0; sx < samples; ++sx) {
-            const double u = (cx + (sx + 0.5) / samples) * cell - 1,
-                         v = (cy + (sy + 0.5) / samples) * cell - 1;
+uint32_t bit_of_cell(uint32_t side, uint32_t x, uint32_t y) {
+    return (y / 4 * (side / 4) + x / 4) * 16 + y % 4 * 4 + x % 4;
+}
+
+// The integral of the 25 basis functions times cosine over pi over what each bit stands for,
+// weights[bit][25]; zeros where a cell is unused. In the plane of the disk the measure is area over pi,
+// whatever the map; the concentric map keeps areas (4 : pi). A cell of the disk grid stands for itself. A
+// scattered sample stands for all that is nearer to it than to any other: with the cell instead, the errors
+// of 1024 samples are a fifth larger (0.74 for 0.61 %, mean of seven real scenes).
+void cell_weights(const MaskLayout& layout, const double (*directions)[3], const bool* used,
+                  double (*weights)[25]) {
+    constexpr uint32_t samples = 16;
+    constexpr int window = 2; // cells that a point may be away from the one of the nearest sample
+    const uint32_t side = layout.side, bits = mask_bits(layout);
+    const bool scattered = layout.samples == SampleMap::scattered;
+    const double cell = 2.0 / side;
+    const double area = (scattered ? cell * cell / 4 : cell * cell / (4 * quarter_pi)) / (samples * samples);
+    for (uint32_t bit = 0; bit < bits; ++bit) {
+        for (int i = 0; i < 25; ++i)
+            weights[bit][i] = 0;
+    }
+    for (uint32_t bit = 0; bit < bits; ++bit) {
+        uint32_t cx, cy;
+        cell_of_bit(side, bit, cx, cy);
+        for (uint32_t sample = 0; used[bit] && sample < samples * samples; ++sample) {
+            const double u = (cx + (sample % samples + 0.5) / samples) * cell - 1,
+                         v = (cy + (sample / samples + 0.5) / samples) * cell - 1;
             double d[3], basis[25];
             if (!square_to_hemisphere(layout.samples, u, v, d)) continue;
+            uint32_t nearest = bit;
+            double most = -1;
+            for (int k = 0; scattered && k < (2 * window + 1) * (2 * window + 1); ++k) {
+                const int x = int(cx) + k % (2 * window + 1) - window,
+                          y = int(cy) + k / (2 * window + 1) - window;
+                if (x < 0 || y < 0 || x >= int(side) || y >= int(side)) continue;
+                const uint32_t other = bit_of_cell(side, uint32_t(x), uint32_t(y));
+                const double* at = directions[other];
+                const double cosine = d[0] * at[0] + d[1] * at[1] + d[2] * at[2];
+                if (cosine > most) most = cosine, nearest = other;
+            }
             sh_basis(Constant(), d[0], d[1], d[2], basis);
             for (int i = 0; i < 25; ++i)
-                weights[i] += basis[i] * (area / (samples * samples));
+                weights[nearest][i] += basis[i] * area;
         }
     }
-    return true;
 }
 
 void cell_normal(const MaskLayout& layout, uint32_t cell, double n[3]) {
@@ -111,14 +147,20 @@ void cell_normal(const MaskLayout& layout, uint32_t cell, double n[3]) {
 bool sample_direction(const MaskLayout& layout, uint32_t bit, double direction[3]) {
     uint32_t x, y;
     cell_of_bit(layout.side, bit, x, y);
-    return square_to_hemisphere(layout.samples, (2.0 * x + 1) / layout.side - 1,
-                                (2.0 * y + 1) / layout.side - 1, direction);
+    double u = x + 0.5, v = y + 0.5;
+    if (layout.samples == SampleMap::scattered) {
+        u = std::clamp(x + shift_of(y), rim, layout.side - rim);
+        v = std::clamp(y + shift_of(x), rim, layout.side - rim);
+        const double half = layout.side / 2;
+        v = v < half ? std::min(v, half - middle) : std::max(v, half + middle);
+    }
+    return square_to_hemisphere(layout.samples, 2 * u / layout.side - 1, 2 * v / layout.side - 1, direction);
 }
 
 void build_plane_table(const MaskLayout& layout, uint32_t first_cell, uint32_t end_cell, uint8_t* planes) {
     const uint32_t bits = mask_bits(layout), bytes = mask_bytes(layout);
-    double directions[4096][3];
-    bool used[4096];
+    double directions[max_mask_bits][3];
+    bool used[max_mask_bits];
     for (uint32_t bit = 0; bit < bits; ++bit)
         used[bit] = sample_direction(layout, bit, directions[bit]);
     for (uint32_t cell = first_cell; cell < end_cell; ++cell) {
@@ -137,15 +179,18 @@ void build_plane_table(const MaskLayout& layout, uint32_t first_cell, uint32_t e
     }
 }
 
-void build_weights(const MaskLayout& layout, int16_t* nibbles, int16_t* blocks, int16_t* total, float* scale,
-                   float* block_weights) {
+void build_weights(const MaskLayout& layout, double (*weights)[25], int16_t* nibbles, int16_t* blocks,
+                   int16_t* total, float* scale, float* block_weights) {
     const uint32_t block_count = mask_blocks(layout);
+    double directions[max_mask_bits][3];
+    bool used[max_mask_bits];
+    for (uint32_t bit = 0; bit < mask_bits(layout); ++bit)
+        used[bit] = sample_direction(layout, bit, directions[bit]);
+    cell_weights(layout, directions, used, weights);
     double positive[25] = {}, negative[25] = {};
     for (uint32_t bit = 0; bit < mask_bits(layout); ++bit) {
-        double w[25];
-        if (!cell_weights(layout, bit, w)) continue;
         for (int i = 0; i < 25; ++i)
-            (w[i] > 0 ? positive : negative)[i] += std::fabs(w[i]);
+            (weights[bit][i] > 0 ? positive : negative)[i] += std::fabs(weights[bit][i]);
     }
     // Sums of bits stay within 16 bits whatever the mask: intermediate sums may wrap, the result does not.
     double to_integer[25];
@@ -163,11 +208,12 @@ void build_weights(const MaskLayout& layout, int16_t* nibbles, int16_t* blocks, 
         int16_t* block_row = blocks + size_t(block) * sh_columns;
         std::memset(block_row, 0, sh_columns * sizeof(int16_t));
         double block_sum[25] = {};
-        uint32_t used = 0;
+        uint32_t in_use = 0;
         for (uint32_t row = 0; row < 4; ++row) {
-            double w[4][25] = {};
+            const uint32_t first = block * 16 + row * 4;
+            const double(*w)[25] = weights + first;
             for (uint32_t i = 0; i < 4; ++i)
-                used += cell_weights(layout, block * 16 + row * 4 + i, w[i]) ? 1 : 0;
+                in_use += used[first + i];
             for (uint32_t pattern = 0; pattern < 16; ++pattern) {
                 int16_t* out = nibbles + ((size_t(block) * 4 + row) * 16 + pattern) * sh_columns;
                 std::memset(out, 0, sh_columns * sizeof(int16_t));
@@ -187,7 +233,7 @@ void build_weights(const MaskLayout& layout, int16_t* nibbles, int16_t* blocks, 
         }
         float* mean = block_weights + size_t(block) * sh_columns;
         for (uint32_t i = 0; i < sh_columns; ++i) {
-            mean[i] = i < 25 && used ? float(block_sum[i] / used) : 0.0f;
+            mean[i] = i < 25 && in_use ? float(block_sum[i] / in_use) : 0.0f;
             total[i] = int16_t(total[i] + block_row[i]);
         }
         for (int i = 0; i < 25; ++i)

@@ -59,7 +59,7 @@ uint32_t regions(uint32_t receivers) {
 
 // Where each mesh's part of the frame's arrays begins, and the arrays' sizes.
 void lay_out(Frame& frame) {
-    frame.point_count = frame.point_chunks = frame.cluster_count = frame.sample_chunks = 0;
+    frame.point_count = frame.point_chunks = frame.cluster_count = 0;
     frame.triangle_bounds_count = 0;
     frame.region_count = frame.duplicate_chunks = 0;
     for (MeshSlice& s : frame.meshes) {
@@ -68,7 +68,6 @@ void lay_out(Frame& frame) {
         s.first_point = frame.point_count;
         s.first_point_chunk = frame.point_chunks;
         s.first_cluster = frame.cluster_count;
-        s.first_sample_chunk = frame.sample_chunks;
         s.first_region = frame.region_count;
         s.first_duplicate_chunk = frame.duplicate_chunks;
         const bool receives = s.in.transfer.data != nullptr;
@@ -82,10 +81,6 @@ void lay_out(Frame& frame) {
             const uint32_t triangles = s.clusters->triangle_begin[c + 1] - s.clusters->triangle_begin[c];
             frame.triangle_bounds_count += 8 * kernels::triangle_slots(triangles);
         }
-        const LevelSamples& samples = s.mesh->samples;
-        for (uint32_t level = 1; !frame.quality.paper && level < level_count(samples); ++level)
-            frame.sample_chunks +=
-                (samples.begin[level + 1] - samples.begin[level] + point_chunk - 1) / point_chunk;
         frame.region_count = s.first_own_region + regions(duplicates);
         frame.duplicate_chunks += (duplicates + kernels::lanes - 1) / kernels::lanes;
     }
@@ -105,7 +100,7 @@ void grow(Frame& frame) {
     frame.triangle_radius.resize(frame.cluster_count);
     frame.nearest.resize(frame.cluster_count);
     frame.farthest.resize(frame.cluster_count);
-    frame.sample_error.resize(frame.sample_chunks);
+    frame.level_errors.resize(frame.cluster_count);
     frame.views.resize(frame.cluster_count);
     frame.cluster_mesh.resize(frame.cluster_count);
     frame.cluster_bounds_begin.resize(frame.cluster_count);
@@ -200,7 +195,6 @@ constexpr char extents_zone[] = "nusselt extents";
 constexpr char scale_zone[] = "nusselt scale";
 constexpr char points_zone[] = "nusselt points";
 constexpr char clusters_zone[] = "nusselt clusters";
-constexpr char levels_zone[] = "nusselt levels";
 constexpr char bands_zone[] = "nusselt bands";
 constexpr char receivers_zone[] = "nusselt receivers";
 constexpr char duplicates_zone[] = "nusselt duplicates";
@@ -218,13 +212,12 @@ void plan(Frame& frame) {
     stage(scale_zone, timed_refit<choose_scale, scale_zone>, 1, 1);
     stage(points_zone, timed_refit<place_points, points_zone>, frame.point_chunks, 4);
     stage(clusters_zone, timed_refit<refit_clusters, clusters_zone>, frame.cluster_count, 64);
-    stage(levels_zone, timed_refit<measure_levels, levels_zone>, frame.sample_chunks, 4);
     stage(bands_zone, timed_refit<choose_bands, bands_zone>, static_cast<uint32_t>(frame.meshes.size()), 1);
     stage(receivers_zone, timed<shadow_regions, receivers_zone>, frame.region_count, 1);
     stage(duplicates_zone, timed<copy_duplicates, duplicates_zone>, frame.duplicate_chunks, 16);
 }
 
-constexpr uint32_t stages = 8;
+constexpr uint32_t stages = 7;
 
 // A frame that is not in flight, made if there is none. The guard is held. Throws std::bad_alloc.
 Frame& free_frame(Context& context, uint32_t& slot) {

@@ -32,13 +32,19 @@ constexpr uint32_t job_flush =
     512; // jobs after which masks are worked on: the list stays in the nearest cache
 
 // Where a mesh's entries begin in the arrays of the frame.
+// Of a cluster's samples: the sum of their squared distances, and the largest distance, that of the finer
+// clusters under it included.
+struct LevelError {
+    float squares, most;
+};
+
 struct MeshSlice {
     const MeshData* mesh = nullptr;
     const Clusters* clusters = nullptr; // all levels, or the coarse mesh (paper)
     FrameMesh in;                       // the caller's arrays
     uint64_t checksum = 0;              // of what is read, at `submit` (NUSSELT_CHECKED)
     uint32_t first_point = 0, first_point_chunk = 0;
-    uint32_t first_cluster = 0, first_sample_chunk = 0;
+    uint32_t first_cluster = 0;
     uint32_t first_region = 0, first_own_region = 0; // of receivers; from first_own_region on of duplicates
     uint32_t first_duplicate_chunk = 0;
 };
@@ -83,7 +89,7 @@ struct Worker {
 struct Frame {
     explicit Frame(const Allocator& a)
         : meshes(HostAllocator<MeshSlice>(a)), extents(HostAllocator<float>(a)),
-          sample_error(HostAllocator<float>(a)), points(a),
+          level_errors(HostAllocator<LevelError>(a)), points(a),
           triangle_bounds(a), centre{FloatArray(a), FloatArray(a), FloatArray(a)},
           radius(a), cone{FloatArray(a), FloatArray(a), FloatArray(a)}, cone_cos(a), cone_sin(a),
           triangle_radius(a), nearest(a), farthest(a), views(HostAllocator<kernels::ClusterView>(a)),
@@ -96,17 +102,16 @@ struct Frame {
     const kernels::Tables* tables = nullptr;
     QualitySettings quality{};
     Vector<MeshSlice> meshes;
-    uint32_t point_count = 0, point_chunks = 0, cluster_count = 0, triangle_bounds_count = 0,
-             sample_chunks = 0;
+    uint32_t point_count = 0, point_chunks = 0, cluster_count = 0, triangle_bounds_count = 0;
     uint32_t region_count = 0, duplicate_chunks = 0;
 
     // Made by the tasks. Frame space: (position - origin) * scale, scale a power of two that brings the
     // extent near 1.
     float origin[3] = {}, scale = 1;
-    Vector<float> extents;      // largest distance from the origin along an axis, by chunk of points
-    Vector<float> sample_error; // largest distance of a level from the full mesh, by chunk of samples
-    FloatArray points;          // 4 a welded vertex
-    FloatArray triangle_bounds; // of each cluster in turn, see kernels::ClusterView
+    Vector<float> extents;           // largest distance from the origin along an axis, by chunk of points
+    Vector<LevelError> level_errors; // one a cluster
+    FloatArray points;               // 4 a welded vertex
+    FloatArray triangle_bounds;      // of each cluster in turn, see kernels::ClusterView
     FloatArray centre[3], radius, cone[3], cone_cos, cone_sin;
     FloatArray triangle_radius;   // largest sphere around one of the cluster's triangles
     FloatArray nearest, farthest; // band of distances of the cluster's level
@@ -120,7 +125,7 @@ struct Frame {
 
     uint32_t generation = 1;
     bool in_flight = false;
-    bool waited_for = false; // a thread is in `wait`
+    bool waited_for = false;             // a thread is in `wait`
     std::atomic<bool> cancelled = false; // set at most once a frame; a task that sees it does nothing
     uint64_t start_ticks = 0;
     double start_ns = 0;

@@ -103,15 +103,17 @@ void build_rings(uint32_t welded, MeshData& mesh) {
 struct Builder {
     Builder(const Allocator& a, uint32_t welded)
         : numbers(a), positions(HostAllocator<Vec3f>(a)), two_sided(HostAllocator<uint8_t>(a)), side(numbers),
-          local_of(welded, none, numbers), coarse_triangles(numbers),
-          coarse_two_sided(HostAllocator<uint8_t>(a)), simplifier(a, welded), partitioner(a), writer(a) {}
+          side_source(numbers), clustered(numbers), local_of(welded, none, numbers),
+          coarse_triangles(numbers), coarse_two_sided(HostAllocator<uint8_t>(a)), simplifier(a, welded),
+          partitioner(a), writer(a) {}
 
     HostAllocator<uint32_t> numbers;
-    Vector<Vec3f> positions;           // welded
-    Vector<uint8_t> two_sided;         // of the simplifier's triangles
-    Vector<uint32_t> side;             // welded triples of one kind
-    Vector<uint32_t> local_of;         // by welded vertex
-    Vector<uint32_t> coarse_triangles; // what the coarse mesh is made from
+    Vector<Vec3f> positions;            // welded
+    Vector<uint8_t> two_sided;          // of the simplifier's triangles
+    Vector<uint32_t> side, side_source; // welded triples of one kind, and the simplifier's triangles they are
+    Vector<uint32_t> clustered;         // the simplifier's triangles in the order of the clusters
+    Vector<uint32_t> local_of;          // by welded vertex
+    Vector<uint32_t> coarse_triangles;  // what the coarse mesh is made from
     Vector<uint8_t> coarse_two_sided;
     uint32_t coarse_target = 0;
     Simplifier simplifier; // its triangles are the current level's
@@ -119,14 +121,18 @@ struct Builder {
     ClusterWriter writer;
 };
 
-// The simplifier's triangles as clusters; never both kinds in one.
+// The simplifier's triangles as clusters; never both kinds in one. `b.clustered`: their numbers in the
+// clusters' order.
 void add_clusters(Builder& b, const LevelOptions& options, uint8_t level, Clusters& clusters) {
     const Vector<uint32_t>& all = b.simplifier.triangles;
+    b.clustered.clear();
     for (uint8_t flag = 0; flag < 2; ++flag) {
         b.side.clear();
-        for (size_t t = 0; t < b.two_sided.size(); ++t) {
-            if (b.two_sided[t] == flag)
-                b.side.insert(b.side.end(), all.begin() + 3 * t, all.begin() + 3 * t + 3);
+        b.side_source.clear();
+        for (uint32_t t = 0; t < b.two_sided.size(); ++t) {
+            if (b.two_sided[t] != flag) continue;
+            b.side.insert(b.side.end(), all.begin() + 3 * size_t(t), all.begin() + 3 * size_t(t) + 3);
+            b.side_source.push_back(t);
         }
         if (b.side.empty()) continue;
         Partitioner& p = b.partitioner;
@@ -135,6 +141,8 @@ void add_clusters(Builder& b, const LevelOptions& options, uint8_t level, Cluste
             append_clusters(b.side, p.order.data() + p.begins[i], p.begins[i + 1] - p.begins[i],
                             {flag, level}, b.writer, b.local_of, clusters);
         }
+        for (const uint32_t i : p.order)
+            b.clustered.push_back(b.side_source[i]);
     }
 }
 
@@ -179,11 +187,19 @@ Vec3d nearest_weights(Vec3d p, Vec3d a, Vec3d b, Vec3d c) {
     return {va / sum, vb / sum, vc / sum};
 }
 
-// Samples of the current level at the vertices that the one before it has and it lacks.
-void add_samples(const Builder& b, LevelSamples& samples) {
+// Samples of the current level at the vertices that the one before it has and it lacks, cluster by cluster.
+void add_samples(const Builder& b, uint8_t level, const Clusters& clusters, LevelSamples& samples) {
     const Simplifier& s = b.simplifier;
-    for (size_t t = 0; t < s.points.size(); ++t) {
-        const uint32_t* corner = s.triangles.data() + 3 * t;
+    uint32_t cluster = static_cast<uint32_t>(samples.cluster_begin.size());
+    const uint32_t first = clusters.triangle_begin[cluster];
+    for (uint32_t i = 0; i < b.clustered.size(); ++i) {
+        if (cluster < clusters.count() && clusters.triangle_begin[cluster] == first + i) {
+            samples.cluster_begin.push_back(static_cast<uint32_t>(samples.vertex.size()));
+            ++cluster;
+        }
+        if (level == 0) continue;
+        const uint32_t t = b.clustered[i];
+        const uint32_t* corner = s.triangles.data() + 3 * size_t(t);
         for (uint32_t p = s.points[t]; p != none; p = s.point_next[p]) {
             const auto at = [&](uint32_t w) { return to_double(b.positions[w]); };
             const Vec3f weight =
@@ -213,6 +229,8 @@ void build_levels(Builder& b, const LevelOptions& options, MeshData& mesh) {
     mesh.samples.begin.assign(2, 0);
     for (uint8_t level = 0; !b.two_sided.empty(); ++level) {
         add_clusters(b, options, level, mesh.clusters);
+        add_samples(b, level, mesh.clusters, mesh.samples);
+        if (level > 0) mesh.samples.begin.push_back(static_cast<uint32_t>(mesh.samples.vertex.size()));
         const uint32_t count = static_cast<uint32_t>(b.two_sided.size());
         if (level == 0 || count >= coarse_start * b.coarse_target) {
             b.coarse_triangles = b.simplifier.triangles;
@@ -220,9 +238,8 @@ void build_levels(Builder& b, const LevelOptions& options, MeshData& mesh) {
         }
         const uint32_t target = static_cast<uint32_t>(float(count) * options.level_ratio);
         if (level + 1 == max_levels || target < options.least_triangles || !coarsen(b, target, true)) break;
-        add_samples(b, mesh.samples);
-        mesh.samples.begin.push_back(static_cast<uint32_t>(mesh.samples.vertex.size()));
     }
+    mesh.samples.cluster_begin.push_back(static_cast<uint32_t>(mesh.samples.vertex.size()));
 }
 
 // One mesh of a few hundred triangles, for the quality `paper`.

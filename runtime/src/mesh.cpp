@@ -52,8 +52,9 @@ size_t bytes_of(const MeshData& m) {
            bytes_of(m.receivers) + bytes_of(m.duplicates) + bytes_of(m.duplicate_of) +
            bytes_of(m.full_triangles) + bytes_of(m.ring_begin) + bytes_of(m.ring) +
            bytes_of(m.full_two_sided) + bytes_of(m.anchor) + bytes_of(m.clusters) +
-           bytes_of(m.samples.begin) + bytes_of(m.samples.vertex) + bytes_of(m.samples.corner) +
-           bytes_of(m.samples.weight) + bytes_of(m.samples.tangential) + bytes_of(m.coarse_clusters);
+           bytes_of(m.samples.begin) + bytes_of(m.samples.cluster_begin) + bytes_of(m.samples.vertex) +
+           bytes_of(m.samples.corner) + bytes_of(m.samples.weight) + bytes_of(m.samples.tangential) +
+           bytes_of(m.coarse_clusters);
 }
 
 const Status no_context{StatusCode::invalid_argument,

@@ -56,14 +56,15 @@ struct Clusters {
 // before it has, each with the point of the level's surface that lies nearest in the rest pose.
 struct LevelSamples {
     explicit LevelSamples(const Allocator& a)
-        : begin(HostAllocator<uint32_t>(a)), vertex(HostAllocator<uint32_t>(a)),
-          corner(HostAllocator<uint32_t>(a)), weight(HostAllocator<float>(a)),
-          tangential(HostAllocator<float>(a)) {}
+        : begin(HostAllocator<uint32_t>(a)), cluster_begin(HostAllocator<uint32_t>(a)),
+          vertex(HostAllocator<uint32_t>(a)), corner(HostAllocator<uint32_t>(a)),
+          weight(HostAllocator<float>(a)), tangential(HostAllocator<float>(a)) {}
 
-    Vector<uint32_t> begin;  // one a level plus an end; level 0 has none
-    Vector<uint32_t> vertex; // welded
-    Vector<uint32_t> corner; // 3 a sample, welded: a triangle of the level
-    Vector<float> weight;    // 3 a sample: of the corners, summing to 1
+    Vector<uint32_t> begin;         // one a level plus an end; level 0 has none
+    Vector<uint32_t> cluster_begin; // one a cluster plus an end: samples on its triangles
+    Vector<uint32_t> vertex;        // welded
+    Vector<uint32_t> corner;        // 3 a sample, welded: a triangle of the level
+    Vector<float> weight;           // 3 a sample: of the corners, summing to 1
     // Of the squared distance in the rest pose, the part along the triangle: 0 for a point over its inside,
     // which may slide along the surface as the mesh bends without lying farther from it; 1 for one beside it.
     Vector<float> tangential;

@@ -8,9 +8,9 @@ namespace {
 
 constexpr QualitySettings settings[quality_count] = {
     {"paper", kernels::paper_layout, 0, true, true},
-    {"draft", kernels::standard_layout, 0.10f, false, true},
-    {"standard", kernels::standard_layout, 0.05f, false, true},
-    {"fine", kernels::fine_layout, 0.02f, false, true},
+    {"draft", kernels::standard_layout, 0.16f, false, true},
+    {"standard", kernels::standard_layout, 0.08f, false, true},
+    {"fine", kernels::fine_layout, 0.035f, false, true},
 };
 
 } // namespace

@@ -10,7 +10,9 @@ namespace nusselt {
 
 namespace {
 
-// In radii of a triangle: farther than that from all of its corners, a receiver doesn't lie over or under it.
+// In distances of a coarse cluster from the surface that it stands for: a plane that passes a receiver no
+// farther off may lie on the wrong side of it, and hide all or nothing. As seen from there its triangles are
+// slivers, and where they are near the finer level is drawn.
 constexpr float clear_of_own = 1.5f;
 
 struct PointRange {
@@ -23,22 +25,6 @@ PointRange points_of_chunk(const Frame& frame, uint32_t chunk) {
     const uint32_t begin = (chunk - slice.first_point_chunk) * point_chunk;
     const uint32_t count = static_cast<uint32_t>(slice.mesh->weld_source.size());
     return {slice, begin, std::min(begin + point_chunk, count)};
-}
-
-struct SampleRange {
-    uint32_t begin, end;
-};
-
-// Chunks don't cross levels.
-SampleRange samples_of_chunk(const LevelSamples& samples, uint32_t chunk) {
-    for (uint32_t level = 1; level < level_count(samples); ++level) {
-        const uint32_t begin = samples.begin[level], end = samples.begin[level + 1];
-        const uint32_t chunks = (end - begin + point_chunk - 1) / point_chunk;
-        if (chunk < chunks)
-            return {begin + chunk * point_chunk, std::min(begin + (chunk + 1) * point_chunk, end)};
-        chunk -= chunks;
-    }
-    return {0, 0};
 }
 
 using kernels::is_finite;
@@ -165,6 +151,32 @@ float sample_distance(const float* points, const LevelSamples& samples, uint32_t
     return across + samples.tangential[i] * (square - across);
 }
 
+// How far a cluster of a coarser level lies from the level before it.
+LevelError measure_cluster(const float* points, const LevelSamples& samples, uint32_t cluster) {
+    LevelError error{};
+    for (uint32_t i = samples.cluster_begin[cluster]; i < samples.cluster_begin[cluster + 1]; ++i) {
+        const float square = sample_distance(points, samples, i);
+        if (!is_finite(square)) continue;
+        error.squares += square;
+        error.most = std::max(error.most, square);
+    }
+    error.most = std::sqrt(error.most);
+    return error;
+}
+
+// Twice the root mean square distance of each level from the one before it, and no less than that one's own.
+void level_errors(const Clusters& clusters, const LevelSamples& samples, const LevelError* of_cluster,
+                  float error[max_levels]) {
+    float squares[max_levels] = {};
+    for (uint32_t c = 0; c < clusters.count(); ++c)
+        squares[clusters.level[c]] += of_cluster[c].squares;
+    error[0] = 0;
+    for (uint32_t level = 1; level < level_count(samples); ++level) {
+        const uint32_t count = std::max(samples.begin[level + 1] - samples.begin[level], 1u);
+        error[level] = std::max(error[level - 1], 2 * std::sqrt(squares[level] / float(count)));
+    }
+}
+
 } // namespace
 
 void measure_extents(void* context, uint32_t begin, uint32_t end, uint32_t) {
@@ -226,6 +238,9 @@ void refit_clusters(void* context, uint32_t begin, uint32_t end, uint32_t slot) 
             frame.cone[k].data()[c] = axis[k];
         }
         frame.radius.data()[c] = view.radius = radius;
+        if (!frame.quality.paper) {
+            frame.level_errors[c] = measure_cluster(points, slice.mesh->samples, own);
+        }
         const float* triangle_radius = bounds + 7 * kernels::triangle_slots(view.triangle_count);
         frame.triangle_radius.data()[c] =
             std::max(*std::max_element(triangle_radius, triangle_radius + view.triangle_count), 0.0f);
@@ -234,64 +249,47 @@ void refit_clusters(void* context, uint32_t begin, uint32_t end, uint32_t slot) 
     }
 }
 
-void measure_levels(void* context, uint32_t begin, uint32_t end, uint32_t) {
-    Frame& frame = *static_cast<Frame*>(context);
-    for (uint32_t chunk = begin; chunk < end; ++chunk) {
-        const MeshSlice& slice = slice_of(frame, &MeshSlice::first_sample_chunk, chunk);
-        const LevelSamples& samples = slice.mesh->samples;
-        const float* points = frame.points.data() + 4 * size_t(slice.first_point);
-        const SampleRange range = samples_of_chunk(samples, chunk - slice.first_sample_chunk);
-        float sum = 0;
-        for (uint32_t i = range.begin; i < range.end; ++i) {
-            const float square = sample_distance(points, samples, i);
-            sum += is_finite(square) ? square : 0;
-        }
-        frame.sample_error[chunk] = sum;
-    }
-}
-
 void choose_bands(void* context, uint32_t begin, uint32_t end, uint32_t) {
     Frame& frame = *static_cast<Frame*>(context);
     for (uint32_t m = begin; m < end; ++m) {
         const MeshSlice& slice = frame.meshes[m];
-        const LevelSamples& samples = slice.mesh->samples;
-        const uint32_t levels = frame.quality.paper ? 1 : level_count(samples);
-        float from[max_levels + 1] = {};
-        uint32_t chunk = slice.first_sample_chunk;
-        float error = 0;
-        for (uint32_t level = 1; level < levels; ++level) {
-            float sum = 0;
-            const uint32_t count = samples.begin[level + 1] - samples.begin[level];
-            for (uint32_t i = 0; i < count; i += point_chunk)
-                sum += frame.sample_error[chunk++];
-            error = std::max(error, 2 * std::sqrt(sum / float(std::max(count, 1u))));
-            from[level] = error / frame.quality.angle;
-        }
-        from[levels] = FLT_MAX;
         const Clusters& clusters = *slice.clusters;
-        const auto radius = [&](uint32_t i) { return frame.triangle_radius.data()[slice.first_cluster + i]; };
-        for (uint32_t i = 0; i < clusters.count(); ++i) {
-            const uint32_t level = clusters.level[i], c = slice.first_cluster + i;
-            float nearest = from[level];
-            // From both sides a coarse triangle of the receiver's own sheet, a hair above it, would hide
-            // everything: none is taken that could lie over the receiver.
-            if (level > 0 && clusters.two_sided[i]) nearest = std::max(nearest, clear_of_own * radius(i));
-            frame.nearest.data()[c] = nearest;
-        }
-        for (uint32_t i = 0; i < clusters.count(); ++i) {
-            const uint32_t level = clusters.level[i], c = slice.first_cluster + i;
-            float farthest = from[level + 1];
-            // Up to where each triangle over this cluster surely is taken: as far as its nearest corner, and
-            // across it.
-            const bool covered = clusters.two_sided[i] && level + 1 < levels;
-            for (uint32_t k = 0; covered && k < clusters.cover_begin[i + 1] - clusters.cover_begin[i]; ++k) {
-                const uint32_t over = clusters.covers[clusters.cover_begin[i] + k];
-                const float taken = frame.nearest.data()[slice.first_cluster + over] + 2 * radius(over);
-                farthest = std::max(farthest, taken + radius(i));
+        LevelError* const of_cluster = frame.level_errors.data() + slice.first_cluster;
+        float* const nearest = frame.nearest.data() + slice.first_cluster;
+        float* const farthest = frame.farthest.data() + slice.first_cluster;
+        kernels::ClusterView* const views = frame.views.data() + slice.first_cluster;
+        if (frame.quality.paper) {
+            std::fill_n(nearest, clusters.count(), 0.0f);
+            std::fill_n(farthest, clusters.count(), FLT_MAX);
+        } else {
+            float error[max_levels];
+            level_errors(clusters, slice.mesh->samples, of_cluster, error);
+            const auto each_cover = [&](uint32_t c, const auto& visit) {
+                for (uint32_t k = clusters.cover_begin[c]; k < clusters.cover_begin[c + 1]; ++k)
+                    visit(clusters.covers[k]);
+            };
+            for (uint32_t c = 0; c < clusters.count(); ++c) {
+                nearest[c] = error[clusters.level[c]] / frame.quality.angle;
+                each_cover(c, [&](uint32_t over) {
+                    of_cluster[over].most = std::max(of_cluster[over].most, of_cluster[c].most);
+                });
             }
-            frame.farthest.data()[c] = farthest;
-            frame.views[c].nearest = frame.nearest.data()[c];
-            frame.views[c].farthest = farthest;
+            for (uint32_t c = 0; c < clusters.count(); ++c) {
+                // A large triangle may pass right over a receiver that lies far from all of its corners; the
+                // coarser level leaves it out there.
+                farthest[c] = 2 * frame.triangle_radius.data()[slice.first_cluster + c];
+                bool covered = false;
+                each_cover(c, [&](uint32_t over) {
+                    farthest[c] = std::max(farthest[c], nearest[over] + of_cluster[over].most);
+                    covered = true;
+                });
+                if (!covered) farthest[c] = FLT_MAX;
+            }
+        }
+        for (uint32_t c = 0; c < clusters.count(); ++c) {
+            views[c].nearest = nearest[c];
+            views[c].farthest = farthest[c];
+            views[c].clearance = frame.quality.paper ? 0 : clear_of_own * of_cluster[c].most;
         }
     }
 }

@@ -10,7 +10,6 @@ void measure_extents(void* context, uint32_t begin, uint32_t end, uint32_t slot)
 void choose_scale(void* context, uint32_t begin, uint32_t end, uint32_t slot);    // one item
 void place_points(void* context, uint32_t begin, uint32_t end, uint32_t slot);    // chunks of points
 void refit_clusters(void* context, uint32_t begin, uint32_t end, uint32_t slot);  // clusters
-void measure_levels(void* context, uint32_t begin, uint32_t end, uint32_t slot);  // chunks of samples
 void choose_bands(void* context, uint32_t begin, uint32_t end, uint32_t slot);    // meshes
 
 } // namespace nusselt

@@ -119,6 +119,23 @@ void check_samples(const Built& b) {
             ASSERT_GE(std::min({weight[0], weight[1], weight[2]}), 0);
         }
     }
+    // Cluster by cluster, each on its own triangles.
+    const Clusters& c = b.data.clusters;
+    ASSERT_EQ(s.cluster_begin.size(), c.count() + 1);
+    ASSERT_EQ(s.cluster_begin[0], 0u);
+    ASSERT_EQ(s.cluster_begin.back(), s.vertex.size());
+    for (uint32_t k = 0; k < c.count(); ++k) {
+        std::set<Triple> own;
+        for (uint32_t t = c.triangle_begin[k]; t < c.triangle_begin[k + 1]; ++t) {
+            const auto corner = [&](uint32_t i) {
+                return c.vertices[c.vertex_begin[k] + c.triangles[t].corner[i]];
+            };
+            own.insert(rotated({corner(0), corner(1), corner(2)}));
+        }
+        for (uint32_t i = s.cluster_begin[k]; i < s.cluster_begin[k + 1]; ++i) {
+            ASSERT_EQ(own.count(rotated({s.corner[3 * i], s.corner[3 * i + 1], s.corner[3 * i + 2]})), 1u);
+        }
+    }
 }
 
 void check_mesh(const TriangleMesh& m, bool closed) {
@@ -281,6 +298,7 @@ void expect_equal(const MeshData& a, const MeshData& b) {
     expect_equal(a.clusters, b.clusters);
     expect_equal(a.coarse_clusters, b.coarse_clusters);
     EXPECT_EQ(a.samples.begin, b.samples.begin);
+    EXPECT_EQ(a.samples.cluster_begin, b.samples.cluster_begin);
     EXPECT_EQ(a.samples.vertex, b.samples.vertex);
     EXPECT_EQ(a.samples.corner, b.samples.corner);
     EXPECT_EQ(a.samples.weight, b.samples.weight);

@@ -100,10 +100,12 @@ TEST(Invariants, M2Winding) {
     }
 }
 
-// M3, M4. Level: table. Mirrored and turned by a quarter about the normal. Bits may differ where a plane
+// M3, M4. Level: table, of samples that have these symmetries themselves, which scattered ones do not.
+// Mirrored and turned by a quarter about the normal. Bits may differ where a plane
 // falls on the border of two cells, and in the half of the mask that a triangle cannot reach (it is not drawn
 // there, although its planes' error could reach over): those are counted.
 TEST(Invariants, M3M4Symmetries) {
+    constexpr MaskLayout grid{SampleMap::disk_grid, PlaneMap::octahedral, 32, 128};
     uint64_t lost[3] = {}, bits = 0, masks = 0;
     for (uint64_t i = 0; i < stress_cases(); ++i) {
         Case c(i + (2u << 20), 6);
@@ -115,7 +117,7 @@ TEST(Invariants, M3M4Symmetries) {
         c.in.batch = batch_of(at, up);
         c.drop_edge_on();
         const uint32_t valid = c.in.batch.valid;
-        const Masks original = rasterize(widest(), layout, c.in.batch, c.soup);
+        const Masks original = rasterize(widest(), grid, c.in.batch, c.soup);
         for (int symmetry = 0; symmetry < 3; ++symmetry) {
             const auto apply = [&](std::array<float, 3>& p) {
                 if (symmetry == 0) p[0] = -p[0];
@@ -134,7 +136,7 @@ TEST(Invariants, M3M4Symmetries) {
                 apply(p);
             Batch batch = batch_of(moved, up);
             batch.valid = valid;
-            const Masks got = rasterize(widest(), layout, batch, soup);
+            const Masks got = rasterize(widest(), grid, batch, soup);
             for (uint32_t lane = 0; lane < lanes; ++lane) {
                 if (!(valid >> lane & 1)) continue;
                 const size_t first = lane * mask_bytes(layout);
