@@ -113,7 +113,7 @@ sanitize() {
     ctest --test-dir build/asan-ubsan --output-on-failure --no-tests=error --parallel "$jobs" -LE slow "$@"
     preset=tsan
     build
-    ctest --test-dir build/tsan --output-on-failure --no-tests=error --parallel "$jobs" -R 'jobs|runtime_test|stress' "$@"
+    ctest --test-dir build/tsan --output-on-failure --no-tests=error --parallel "$jobs" -R 'jobs|runtime_test|embed_test|stress' "$@"
 }
 
 command=${1:-}

@@ -53,8 +53,14 @@ bool counts_fit(const FrameMesh& m, const MeshData& data) {
            (!m.transfer.data || m.transfer.count == count) && (!m.masks.data || m.masks.count == count);
 }
 
-uint32_t regions(uint32_t receivers) {
-    return (receivers + region_receivers - 1) / region_receivers;
+// Small frames are cut finer, so that threads end together: of 128 pieces the last one makes two threads wait
+// for less than a hundredth. Not below two batches: what nobody needs is packed away within a region.
+uint32_t region_size(const Frame& frame) {
+    size_t receivers = 0;
+    for (const MeshSlice& s : frame.meshes)
+        receivers += s.in.transfer.data ? s.mesh->receivers.size() : 0;
+    const size_t batches = receivers / (128 * kernels::lanes);
+    return static_cast<uint32_t>(std::clamp<size_t>(batches, 2, region_batches)) * kernels::lanes;
 }
 
 // Where each mesh's part of the frame's arrays begins, and the arrays' sizes.
@@ -62,6 +68,10 @@ void lay_out(Frame& frame) {
     frame.point_count = frame.point_chunks = frame.cluster_count = 0;
     frame.triangle_bounds_count = 0;
     frame.region_count = frame.duplicate_chunks = 0;
+    frame.region_size = region_size(frame);
+    const auto regions = [&](uint32_t receivers) {
+        return (receivers + frame.region_size - 1) / frame.region_size;
+    };
     for (MeshSlice& s : frame.meshes) {
         const uint32_t points = static_cast<uint32_t>(s.mesh->weld_source.size());
         s.clusters = frame.quality.paper ? &s.mesh->coarse_clusters : &s.mesh->clusters;
@@ -208,10 +218,10 @@ void plan(Frame& frame) {
         if (last != jobs::no_node) jobs::add_edge(graph, last, node);
         last = node;
     };
-    stage(extents_zone, timed_refit<measure_extents, extents_zone>, frame.point_chunks, 4);
+    stage(extents_zone, timed_refit<measure_extents, extents_zone>, frame.point_chunks, 1);
     stage(scale_zone, timed_refit<choose_scale, scale_zone>, 1, 1);
-    stage(points_zone, timed_refit<place_points, points_zone>, frame.point_chunks, 4);
-    stage(clusters_zone, timed_refit<refit_clusters, clusters_zone>, frame.cluster_count, 64);
+    stage(points_zone, timed_refit<place_points, points_zone>, frame.point_chunks, 1);
+    stage(clusters_zone, timed_refit<refit_clusters, clusters_zone>, frame.cluster_count, 16);
     stage(bands_zone, timed_refit<choose_bands, bands_zone>, static_cast<uint32_t>(frame.meshes.size()), 1);
     stage(receivers_zone, timed<shadow_regions, receivers_zone>, frame.region_count, 1);
     stage(duplicates_zone, timed<copy_duplicates, duplicates_zone>, frame.duplicate_chunks, 16);

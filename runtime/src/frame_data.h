@@ -25,7 +25,7 @@ struct FloatArray {
     const float* data() const { return values.data(); }
 };
 
-constexpr uint32_t region_batches = 8; // batches that share one look at all clusters
+constexpr uint32_t region_batches = 8; // batches that share one look at all clusters, at most
 constexpr uint32_t region_receivers = region_batches * kernels::lanes;
 constexpr uint32_t point_chunk = 1024; // vertices, or samples of a level, of one task
 constexpr uint32_t job_flush =
@@ -103,6 +103,7 @@ struct Frame {
     QualitySettings quality{};
     Vector<MeshSlice> meshes;
     uint32_t point_count = 0, point_chunks = 0, cluster_count = 0, triangle_bounds_count = 0;
+    uint32_t region_size = region_receivers; // receivers of a region, whole batches
     uint32_t region_count = 0, duplicate_chunks = 0;
 
     // Made by the tasks. Frame space: (position - origin) * scale, scale a power of two that brings the

@@ -26,8 +26,8 @@ Region region_of(const Frame& frame, uint32_t region) {
     const bool duplicates = region >= slice.first_own_region;
     const Vector<uint32_t>& list = duplicates ? mesh.duplicates : mesh.receivers;
     const uint32_t first =
-        (region - (duplicates ? slice.first_own_region : slice.first_region)) * region_receivers;
-    const uint32_t count = std::min(static_cast<uint32_t>(list.size()) - first, region_receivers);
+        (region - (duplicates ? slice.first_own_region : slice.first_region)) * frame.region_size;
+    const uint32_t count = std::min(static_cast<uint32_t>(list.size()) - first, frame.region_size);
     return {slice, list.data() + first, duplicates ? mesh.duplicate_of.data() + first : nullptr, count};
 }
 

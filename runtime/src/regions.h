@@ -1,4 +1,4 @@
-// The receivers' stage of a frame: which receivers are computed, in regions of eight batches that share one
+// The receivers' stage of a frame: which receivers are computed, in regions of two to eight batches that share one
 // look at all clusters.
 #pragma once
 
