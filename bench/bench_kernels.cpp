@@ -256,15 +256,15 @@ void integrate(State& state, const Kernels& k, Recording& r, bool per_block) {
     Counters counters{};
     Local ours, theirs;
     for (size_t b = 0; b < r.batches.size(); ++b) {
-        k.integrate(*r.tables, r.masks_of(b), r.batches[b].valid, per_block, ours.values, counters);
+        k.integrate(*r.tables, r.masks_of(b), r.batches[b].valid, per_block, 5, ours.values, counters);
         kernels_for(Set::scalar)
-            ->integrate(*r.tables, r.masks_of(b), r.batches[b].valid, per_block, theirs.values, counters);
+            ->integrate(*r.tables, r.masks_of(b), r.batches[b].valid, per_block, 5, theirs.values, counters);
         if (!same(&ours, &theirs, 1)) return state.SkipWithError(wrong);
     }
     counters = {};
-    k.integrate(*r.tables, r.masks_of(0), r.batches[0].valid, per_block, ours.values, counters);
+    k.integrate(*r.tables, r.masks_of(0), r.batches[0].valid, per_block, 5, ours.values, counters);
     const auto once = [&](size_t b) {
-        k.integrate(*r.tables, r.masks_of(b), r.batches[b].valid, per_block, ours.values, counters);
+        k.integrate(*r.tables, r.masks_of(b), r.batches[b].valid, per_block, 5, ours.values, counters);
     };
     replay(state, k,
            {.inputs = r.batches.size(),
@@ -276,11 +276,11 @@ void integrate(State& state, const Kernels& k, Recording& r, bool per_block) {
 void rotate(State& state, const Kernels& k, Recording& r) {
     Local ours, theirs;
     for (size_t b = 0; b < r.batches.size(); ++b) {
-        k.rotate(r.batches[b], r.locals[b].values, ours.values);
-        kernels_for(Set::scalar)->rotate(r.batches[b], r.locals[b].values, theirs.values);
+        k.rotate(r.batches[b], 5, r.locals[b].values, ours.values);
+        kernels_for(Set::scalar)->rotate(r.batches[b], 5, r.locals[b].values, theirs.values);
         if (!same(&ours, &theirs, 1)) return state.SkipWithError(wrong);
     }
-    const auto once = [&](size_t b) { k.rotate(r.batches[b], r.locals[b].values, ours.values); };
+    const auto once = [&](size_t b) { k.rotate(r.batches[b], 5, r.locals[b].values, ours.values); };
     replay(state, k,
            {.inputs = r.batches.size(),
             .run = once,
@@ -312,13 +312,13 @@ void shade(State& state, const Kernels& k, Recording& r) {
         light[i] = 1.0f / static_cast<float>(i + 1);
     const size_t count = r.transfer.size() / 25;
     std::vector<float> ours(count * 3), theirs(count * 3);
-    k.shade(light, r.transfer.data(), 100, count, ours.data());
-    kernels_for(Set::scalar)->shade(light, r.transfer.data(), 100, count, theirs.data());
+    k.shade(light, 5, r.transfer.data(), 100, count, ours.data());
+    kernels_for(Set::scalar)->shade(light, 5, r.transfer.data(), 100, count, theirs.data());
     if (!same(ours.data(), theirs.data(), ours.size())) return state.SkipWithError(wrong);
     constexpr size_t part = 256;
     const auto size_of = [&](size_t i) { return std::min(part, count - i * part); };
     const auto once = [&](size_t i) {
-        k.shade(light, &r.transfer[i * part * 25], 100, size_of(i), &ours[i * part * 3]);
+        k.shade(light, 5, &r.transfer[i * part * 25], 100, size_of(i), &ours[i * part * 3]);
     };
     replay(state, k,
            {.inputs = (count + part - 1) / part,

@@ -64,8 +64,7 @@ struct Shared {
 double stepped(size_t inputs, const std::function<void(size_t)>& run,
                const std::function<double(size_t)>& items) {
     constexpr uint64_t enough = 20'000, too_many = 100'000;
-    void* memory =
-        mmap(nullptr, sizeof(Shared), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    void* memory = mmap(nullptr, sizeof(Shared), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     if (memory == MAP_FAILED) return 0;
     auto* shared = new (memory) Shared;
     const pid_t child = fork();
@@ -110,8 +109,8 @@ double stepped(size_t inputs, const std::function<void(size_t)>& run,
 }
 
 bool can_step() {
-    static const bool can =
-        stepped(1, [](size_t) {}, [](size_t) { return 1.0; }) > 0;
+    static const bool can = stepped(
+                                1, [](size_t) {}, [](size_t) { return 1.0; }) > 0;
     return can;
 }
 

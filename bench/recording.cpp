@@ -140,7 +140,7 @@ Recording::Recording(Quality quality, uint32_t batch_count) {
         uint8_t* mask = masks.data() + size_t{b} * lanes * mask_bytes(tables->layout);
         JobList replay = made.list();
         scalar.run_jobs(*tables, replay, mask);
-        scalar.integrate(*tables, mask, batch.valid, false, locals[b].values, counters);
+        scalar.integrate(*tables, mask, batch.valid, false, 5, locals[b].values, counters);
     }
 }
 

@@ -123,19 +123,23 @@ using FanJobs = void (*)(const Batch& batch, const float corners[2][3][lanes], u
 using RunJobs = void (*)(const Tables& tables, JobList& jobs, uint8_t* masks);
 
 // The transfer in each receiver's tangent frame, local[term][lane]: bit weights where a block is partial.
-// `per_block`: a block's blocked bits all weigh the same (the paper's 4x4 downsampling).
+// `per_block`: a block's blocked bits all weigh the same (the paper's 4x4 downsampling). Here and below
+// `order` is the number of bands, 1 to 5: the first order^2 terms are computed, with the same bits for any
+// order; the others are left as they are.
 using Integrate = void (*)(const Tables& tables, const uint8_t* masks, uint32_t valid, bool per_block,
-                           float local[25][lanes], Counters& counters);
+                           uint32_t order, float local[25][lanes], Counters& counters);
 
 // Rotates to the caller's space: out[term][lane]. Lanes that are not valid become 0.
-using Rotate = void (*)(const Batch& batch, const float local[25][lanes], float out[25][lanes]);
+using Rotate = void (*)(const Batch& batch, uint32_t order, const float local[25][lanes],
+                        float out[25][lanes]);
 
 // Blocked bits of each 4x4 block: counts[block], 0 to 16.
 using Downsample = void (*)(const uint8_t* mask, uint32_t blocks, uint8_t* counts);
 
 // rgb[3 i + channel] = sum over terms of light[term * 3 + channel] * transfer[i][term], in the order of the
 // terms. `stride` bytes between transfer vectors.
-using Shade = void (*)(const float light[75], const float* transfer, size_t stride, size_t count, float* rgb);
+using Shade = void (*)(const float light[75], uint32_t order, const float* transfer, size_t stride,
+                       size_t count, float* rgb);
 
 // The 25 basis functions of `count` unit directions: out[term * count + i].
 using EvaluateSh = void (*)(const float* x, const float* y, const float* z, size_t count, float* out);

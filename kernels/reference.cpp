@@ -336,7 +336,7 @@ void integrate_bits(const Tables& tables, const uint8_t* mask, float sum[sh_colu
         sum[i] = float(int16_t(integer[i])) * tables.scale[i];
 }
 
-void integrate(const Tables& tables, const uint8_t* masks, uint32_t valid, bool per_block,
+void integrate(const Tables& tables, const uint8_t* masks, uint32_t valid, bool per_block, uint32_t order,
                float local[25][lanes], Counters& counters) {
     const uint32_t bytes = mask_bytes(tables.layout);
     for (uint32_t lane = 0; lane < lanes; ++lane) {
@@ -353,28 +353,29 @@ void integrate(const Tables& tables, const uint8_t* masks, uint32_t valid, bool 
                 ++(bits == 0 || bits == 0xFFFF ? counters.blocks_uniform : counters.blocks_partial);
             }
         }
-        for (uint32_t i = 0; i < 25; ++i)
+        for (uint32_t i = 0; i < order * order; ++i)
             local[i][lane] = sum[i];
     }
 }
 
-void rotate(const Batch& batch, const float local[25][lanes], float out[25][lanes]) {
+void rotate(const Batch& batch, uint32_t order, const float local[25][lanes], float out[25][lanes]) {
     for (uint32_t lane = 0; lane < lanes; ++lane) {
-        float in[25], turned[25];
-        for (uint32_t i = 0; i < 25; ++i)
+        float in[25] = {}, turned[25];
+        for (uint32_t i = 0; i < order * order; ++i)
             in[i] = local[i][lane];
         sh_rotate_zy(Constant(), batch.axis[2][2][lane], 0.0f - batch.axis[0][2][lane],
                      batch.axis[1][1][lane], 0.0f - batch.axis[1][0][lane], in, turned);
-        for (uint32_t i = 0; i < 25; ++i)
+        for (uint32_t i = 0; i < order * order; ++i)
             out[i][lane] = batch.valid >> lane & 1 ? turned[i] : 0.0f;
     }
 }
 
-void shade(const float light[75], const float* transfer, size_t stride, size_t count, float* rgb) {
+void shade(const float light[75], uint32_t order, const float* transfer, size_t stride, size_t count,
+           float* rgb) {
     for (size_t i = 0; i < count; ++i) {
         const float* t = reinterpret_cast<const float*>(reinterpret_cast<const char*>(transfer) + i * stride);
         float sum[3] = {};
-        for (uint32_t term = 0; term < 25; ++term) {
+        for (uint32_t term = 0; term < order * order; ++term) {
             for (uint32_t c = 0; c < 3; ++c)
                 sum[c] = sum[c] + light[term * 3 + c] * t[term];
         }

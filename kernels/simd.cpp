@@ -598,10 +598,12 @@ HWY_INLINE void classify(const uint8_t* mask, uint64_t& full, uint64_t& partial)
     partial = ~(full | open);
 }
 
+// The first `columns` terms, 8, 16 or 32.
+template<uint32_t columns>
 void integrate_bits(const Tables& tables, const uint8_t* mask, float* sum, Counters& counters) {
-    const hn::CappedTag<int16_t, sh_columns> d;
-    constexpr uint32_t step = hn::MaxLanes(hn::CappedTag<int16_t, sh_columns>());
-    constexpr uint32_t registers = sh_columns / step;
+    const hn::CappedTag<int16_t, columns> d;
+    constexpr uint32_t step = hn::MaxLanes(hn::CappedTag<int16_t, columns>());
+    constexpr uint32_t registers = columns / step;
     hn::Vec<decltype(d)> rest[registers];
     for (uint32_t i = 0; i < registers; ++i)
         rest[i] = hn::Load(d, tables.total + i * step);
@@ -626,18 +628,21 @@ void integrate_bits(const Tables& tables, const uint8_t* mask, float* sum, Count
                 subtract(rows + (row * 16 + (bits >> (4 * row) & 15)) * sh_columns);
         }
     }
-    alignas(64) int16_t integer[sh_columns];
+    alignas(64) int16_t integer[columns < width ? width : columns] = {};
     for (uint32_t i = 0; i < registers; ++i)
         hn::Store(rest[i], d, integer + i * step);
     const hn::Rebind<int16_t, Float> narrow;
-    for (uint32_t i = 0; i < sh_columns; i += width) {
+    for (uint32_t i = 0; i < columns; i += width) {
         const V value = hn::ConvertTo(df, hn::PromoteTo(di, hn::Load(narrow, integer + i)));
         hn::Store(hn::Mul(value, hn::Load(df, tables.scale + i)), df, sum + i);
     }
 }
 
-void integrate(const Tables& tables, const uint8_t* masks, uint32_t valid, bool per_block,
+void integrate(const Tables& tables, const uint8_t* masks, uint32_t valid, bool per_block, uint32_t order,
                float local[25][lanes], Counters& counters) {
+    const auto bits = order <= 2   ? integrate_bits<8>
+                      : order <= 4 ? integrate_bits<16>
+                                   : integrate_bits<sh_columns>;
     const uint32_t bytes = mask_bytes(tables.layout), blocks = mask_blocks(tables.layout);
     for (uint32_t lane = 0; lane < lanes; ++lane) {
         alignas(64) float sum[sh_columns] = {};
@@ -652,31 +657,40 @@ void integrate(const Tables& tables, const uint8_t* masks, uint32_t valid, bool 
                     counters.blocks_uniform += 64 - static_cast<uint32_t>(__builtin_popcountll(partial));
                 }
             } else {
-                integrate_bits(tables, mask, sum, counters);
+                bits(tables, mask, sum, counters);
             }
         }
-        for (uint32_t i = 0; i < 25; ++i)
+        for (uint32_t i = 0; i < order * order; ++i)
             local[i][lane] = sum[i];
     }
 }
 
-void rotate(const Batch& batch, const float local[25][lanes], float out[25][lanes]) {
+// Bands don't mix: what is not stored is not computed either.
+template<uint32_t order>
+void rotate_bands(const Batch& batch, const float local[25][lanes], float out[25][lanes]) {
     for (uint32_t lane = 0; lane < lanes; lane += width) {
+        const V zero = hn::Zero(df);
         V in[25], turned[25];
         for (uint32_t i = 0; i < 25; ++i)
-            in[i] = hn::Load(df, local[i] + lane);
-        const V zero = hn::Zero(df);
+            in[i] = i < order * order ? hn::Load(df, local[i] + lane) : zero;
         sh_rotate_zy(Constant(), hn::Load(df, batch.axis[2][2] + lane),
                      hn::Sub(zero, hn::Load(df, batch.axis[0][2] + lane)),
                      hn::Load(df, batch.axis[1][1] + lane),
                      hn::Sub(zero, hn::Load(df, batch.axis[1][0] + lane)), in, turned);
         const M valid = mask_of(batch.valid >> lane & chunk_bits);
-        for (uint32_t i = 0; i < 25; ++i)
+        for (uint32_t i = 0; i < order * order; ++i)
             hn::Store(hn::IfThenElseZero(valid, turned[i]), df, out[i] + lane);
     }
 }
 
-void shade(const float light[75], const float* transfer, size_t stride, size_t count, float* rgb) {
+void rotate(const Batch& batch, uint32_t order, const float local[25][lanes], float out[25][lanes]) {
+    constexpr decltype(&rotate_bands<1>) by_order[] = {rotate_bands<1>, rotate_bands<2>, rotate_bands<3>,
+                                                       rotate_bands<4>, rotate_bands<5>};
+    by_order[order - 1](batch, local, out);
+}
+
+void shade(const float light[75], uint32_t order, const float* transfer, size_t stride, size_t count,
+           float* rgb) {
     // Lanes are the channels: each channel's sum keeps the order of the terms.
     const hn::CappedTag<float, 4> d;
     alignas(16) float rows[25][4];
@@ -687,7 +701,7 @@ void shade(const float light[75], const float* transfer, size_t stride, size_t c
     for (size_t i = 0; i < count; ++i) {
         const float* t = reinterpret_cast<const float*>(reinterpret_cast<const char*>(transfer) + i * stride);
         auto sum = hn::Zero(d);
-        for (uint32_t term = 0; term < 25; ++term)
+        for (uint32_t term = 0; term < order * order; ++term)
             sum = hn::Add(sum, hn::Mul(hn::Load(d, rows[term]), hn::Set(d, t[term])));
         alignas(16) float out[4];
         hn::Store(sum, d, out);

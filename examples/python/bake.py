@@ -45,7 +45,8 @@ class FrameMesh(c.Structure):
 
 class FrameDesc(c.Structure):
     _fields_ = [("size", c.c_size_t), ("meshes", c.POINTER(FrameMesh)), ("mesh_size", c.c_size_t),
-                ("mesh_count", c.c_uint32), ("quality", c.c_uint32)]
+                ("mesh_count", c.c_uint32), ("quality", c.c_uint32), ("order", c.c_uint32), ("same_pose", c.c_uint32),
+                ("origin", c.c_void_p), ("history", Mesh), ("budget_us", c.c_float)]
 
 
 class Nusselt:

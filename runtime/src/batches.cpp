@@ -122,13 +122,35 @@ void store_batch(const Frame& frame, const MeshSlice& slice, const uint32_t* rec
     const uint32_t bytes = mask_bytes(frame.tables->layout);
     for (uint32_t lane = 0; lane < count; ++lane) {
         float* out = transfer_of(slice.in, receivers[lane]);
-        for (uint32_t i = 0; i < 25; ++i)
+        for (uint32_t i = 0; i < frame.order * frame.order; ++i)
             out[i] = worker.turned[i][lane];
         if (slice.in.masks.data)
             std::memcpy(mask_of(slice.in, receivers[lane]), worker.masks.data() + size_t(lane) * bytes,
                         bytes);
     }
     worker.tally.receivers_written += count;
+}
+
+// Keeps a batch's results, for frames in which nothing changes for them.
+void keep_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
+                const Worker& worker) {
+    const size_t bytes = mask_bytes(frame.tables->layout), terms = frame.order * frame.order;
+    for (uint32_t lane = 0; lane < count; ++lane) {
+        const size_t at = size_t(slice.first_vertex) + receivers[lane];
+        float* out = frame.history.transfer.data() + terms * at;
+        for (uint32_t i = 0; i < terms; ++i)
+            out[i] = worker.turned[i][lane];
+        if (slice.in.masks.data)
+            std::memcpy(frame.history.masks.data() + bytes * at, worker.masks.data() + lane * bytes, bytes);
+    }
+}
+
+// The masks' transfer vectors, turned to the caller's space.
+void finish_batch(const Frame& frame, const Batch& batch, Worker& worker, StageClock& clock) {
+    frame.kernels->integrate(*frame.tables, worker.masks.data(), batch.valid, frame.quality.paper,
+                             frame.order, worker.local, worker.tally.counters);
+    clock.lap(integrate_stage);
+    frame.kernels->rotate(batch, frame.order, worker.local, worker.turned);
 }
 
 } // namespace
@@ -144,14 +166,11 @@ void load_batch(const Frame& frame, const MeshSlice& slice, const uint32_t* rece
             worker.normal[k][lane] = n[k];
         }
     }
-    const uint32_t present = count >= lanes ? 0xFFFFu : (1u << count) - 1;
-    batch.valid = present;
+    batch.valid = count >= lanes ? 0xFFFFu : (1u << count) - 1;
     frame.kernels->prepare_batch(batch, worker.normal);
-    worker.tally.receivers_computed += count;
-    worker.tally.receivers_invalid += static_cast<uint32_t>(std::popcount(present & ~batch.valid));
 }
 
-void shadow_batch(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
+void shadow_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
                   const Batch& batch, const uint32_t* candidates, uint32_t candidate_count, Worker& worker,
                   StageClock& clock) {
     const Kernels& k = *frame.kernels;
@@ -190,9 +209,18 @@ void shadow_batch(const Frame& frame, const MeshSlice& slice, const uint32_t* re
     if (frame.quality.paper) mark_vicinity(slice, receivers, batch, false, worker);
     k.run_jobs(tables, jobs, worker.masks.data());
     clock.lap(raster_stage);
-    k.integrate(tables, worker.masks.data(), batch.valid, frame.quality.paper, worker.local, counters);
-    clock.lap(integrate_stage);
-    k.rotate(batch, worker.local, worker.turned);
+    finish_batch(frame, batch, worker, clock);
+    store_batch(frame, slice, receivers, count, worker);
+    if (frame.has_history) keep_batch(frame, slice, receivers, count, worker);
+    worker.tally.receivers_computed += count;
+    worker.tally.receivers_invalid += count - static_cast<uint32_t>(std::popcount(batch.valid));
+    clock.lap(rotate_stage);
+}
+
+void open_batch(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
+                const Batch& batch, Worker& worker, StageClock& clock) {
+    std::memset(worker.masks.data(), 0, size_t(lanes) * mask_bytes(frame.tables->layout));
+    finish_batch(frame, batch, worker, clock);
     store_batch(frame, slice, receivers, count, worker);
     clock.lap(rotate_stage);
 }

@@ -22,10 +22,15 @@ struct StageClock {
 void load_batch(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
                 kernels::Batch& batch, Worker& worker);
 
-// A loaded batch's masks and transfer vectors, into the caller's arrays. `candidates` are the clusters that
+// A loaded batch's masks and transfer vectors, into the caller's arrays and the
+// history's. `candidates` are the clusters that
 // may matter to it (null: all). A receiver's result does not depend on who shares its batch.
-void shadow_batch(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
+void shadow_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
                   const kernels::Batch& batch, const uint32_t* candidates, uint32_t candidate_count,
                   Worker& worker, StageClock& clock);
+
+// The same as if nothing blocked them.
+void open_batch(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
+                const kernels::Batch& batch, Worker& worker, StageClock& clock);
 
 } // namespace nusselt

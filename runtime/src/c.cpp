@@ -127,6 +127,7 @@ nusselt_status nusselt_create_context(const nusselt_context_desc* desc, nusselt_
         made.executor = cpp(desc->executor);
         made.isa = isa_of(desc->isa);
         made.profiler = {desc->profiler.user, desc->profiler.begin, desc->profiler.end};
+        made.clock = {desc->clock.user, desc->clock.nanoseconds};
     }
     Context* context = nullptr;
     const Status status = create_context(made, &context);
@@ -201,6 +202,17 @@ nusselt_status nusselt_mesh_memory_bound(const nusselt_context* context, const n
     return c_status(status);
 }
 
+nusselt_status nusselt_create_history(nusselt_context* context, nusselt_history* out) {
+    HistoryId id;
+    const Status status = create_history(cpp(context), out ? &id : nullptr);
+    if (out) *out = {id.slot, id.generation};
+    return c_status(status);
+}
+
+nusselt_status nusselt_remove_history(nusselt_context* context, nusselt_history history) {
+    return c_status(remove_history(cpp(context), {history.slot, history.generation}));
+}
+
 uint32_t nusselt_quality_mask_bits(uint32_t quality) {
     return quality_mask_bits(quality_of(quality));
 }
@@ -214,6 +226,11 @@ nusselt_status nusselt_submit(nusselt_context* context, const nusselt_frame_desc
     if (size.code != NUSSELT_OK) return size;
     FrameId id;
     FrameDesc frame{nullptr, desc->mesh_count, quality_of(desc->quality)};
+    frame.order = desc->order ? desc->order : sh_order;
+    frame.origin = desc->origin;
+    frame.history = {desc->history.slot, desc->history.generation};
+    frame.same_pose = desc->same_pose != 0;
+    frame.budget_us = desc->budget_us;
     Status status;
     if (!desc->meshes || desc->mesh_count <= most_on_stack) {
         FrameMesh meshes[most_on_stack];
@@ -274,7 +291,14 @@ nusselt_status nusselt_wait(nusselt_context* context, nusselt_frame frame, nusse
                   s.wall_ms,
                   s.cpu_ms,
                   s.receivers_unneeded,
-                  s.receivers_copied};
+                  s.receivers_copied,
+                  s.receivers_reused,
+                  s.clusters_kept,
+                  s.receivers_stale,
+                  s.receivers_unshadowed,
+                  s.stale_frames_max,
+                  0,
+                  s.stale_frames_mean};
     }
     return c_status(status);
 }
@@ -306,7 +330,12 @@ void nusselt_sh_rotate(const float rotation[9], const float coefficients[25], fl
     sh_rotate(rotation, coefficients, out);
 }
 
-nusselt_status nusselt_shade(const nusselt_context* context, const float light[75],
+void nusselt_turn_light(const float object_to_world[9], const float light[75], float out[75]) {
+    turn_light(object_to_world, light, out);
+}
+
+nusselt_status nusselt_shade(const nusselt_context* context, const float light[75], uint32_t order,
                              nusselt_transfer_view transfer, nusselt_vec3_view albedo, float* rgb) {
-    return c_status(shade(cpp(context), light, cpp(transfer), cpp(albedo), rgb));
+    return c_status(
+        shade(cpp(context), light, cpp(transfer), cpp(albedo), rgb, order ? order : uint32_t(sh_order)));
 }

@@ -74,6 +74,7 @@ Status create_context(const ContextDesc& desc, Context** out) {
         Context* context = make<Context>(desc.allocator, desc.allocator);
         context->executor = desc.executor.enqueue ? desc.executor : serial_executor();
         context->profiler = desc.profiler;
+        context->clock = desc.clock;
         context->isa = isa;
         context->kernels = kernels_of(isa);
         *out = context;
@@ -95,6 +96,8 @@ Status destroy_context(Context* context) {
     }
     for (Frame* frame : context->frames)
         unmake(context->allocator, frame);
+    for (Crew* crew : context->crews)
+        unmake(context->allocator, crew);
     for (const MeshSlot& slot : context->meshes)
         unmake(context->allocator, slot.data);
     for (uint32_t q = 0; q < quality_count; ++q) {

@@ -17,18 +17,21 @@ struct MeshSlot {
 
 struct Context {
     explicit Context(const Allocator& a)
-        : allocator(a), meshes(HostAllocator<MeshSlot>(a)), frames(HostAllocator<Frame*>(a)) {}
+        : allocator(a), meshes(HostAllocator<MeshSlot>(a)), frames(HostAllocator<Frame*>(a)),
+          crews(HostAllocator<Crew*>(a)) {}
 
     Allocator allocator;
     Executor executor;
     Isa isa = Isa::scalar;
     Profiler profiler;
+    Clock clock;
     const kernels::Kernels* kernels = nullptr;
     const kernels::Tables* tables[quality_count] = {}; // held once used
 
     std::mutex guard; // the slots and counts below; never held while a frame works
     Vector<MeshSlot> meshes;
-    Vector<Frame*> frames; // kept for later frames; grown on demand
+    Vector<Frame*> frames; // kept for later frames, and for histories; grown on demand
+    Vector<Crew*> crews;   // kept for later frames; grown on demand
 };
 
 // Where the generations of a context's handles start: another context's handles are then told apart.

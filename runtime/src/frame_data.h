@@ -2,10 +2,12 @@
 // far.
 #pragma once
 
+#include "history_data.h"
 #include "jobs/graph.h"
 #include "kernels/kernels.h"
 #include "memory.h"
 #include "mesh_data.h"
+#include "nusselt/clock.h"
 #include "nusselt/frame.h"
 #include "nusselt/profiler.h"
 #include "quality.h"
@@ -15,16 +17,6 @@
 
 namespace nusselt {
 
-// Floats, with slack to read whole registers past the end.
-struct FloatArray {
-    explicit FloatArray(const Allocator& a) : values(HostAllocator<float>(a)) {}
-    Vector<float> values;
-
-    void resize(size_t count) { values.resize(count + 16); }
-    float* data() { return values.data(); }
-    const float* data() const { return values.data(); }
-};
-
 constexpr uint32_t region_batches = 8; // batches that share one look at all clusters, at most
 constexpr uint32_t region_receivers = region_batches * kernels::lanes;
 constexpr uint32_t point_chunk = 1024; // vertices, or samples of a level, of one task
@@ -32,12 +24,6 @@ constexpr uint32_t job_flush =
     512; // jobs after which masks are worked on: the list stays in the nearest cache
 
 // Where a mesh's entries begin in the arrays of the frame.
-// Of a cluster's samples: the sum of their squared distances, and the largest distance, that of the finer
-// clusters under it included.
-struct LevelError {
-    float squares, most;
-};
-
 struct MeshSlice {
     const MeshData* mesh = nullptr;
     const Clusters* clusters = nullptr; // all levels, or the coarse mesh (paper)
@@ -47,13 +33,16 @@ struct MeshSlice {
     uint32_t first_cluster = 0;
     uint32_t first_region = 0, first_own_region = 0; // of receivers; from first_own_region on of duplicates
     uint32_t first_duplicate_chunk = 0;
+    uint32_t first_vertex = 0; // in the history's arrays
 };
 
 struct Tally {
     kernels::Counters counters{};
     uint64_t clusters_tested = 0, clusters_rasterized = 0;
     uint32_t receivers_computed = 0, receivers_copied = 0, receivers_invalid = 0, receivers_written = 0;
-    uint32_t triangles_invalid = 0;
+    uint32_t receivers_reused = 0, receivers_stale = 0, receivers_unshadowed = 0, stale_frames_max = 0;
+    uint64_t stale_frames_sum = 0;
+    uint32_t triangles_invalid = 0, clusters_kept = 0;
     double cpu_ns = 0;
     uint64_t ticks[6] = {}; // by Stage
 };
@@ -72,18 +61,31 @@ struct Worker {
     explicit Worker(const Allocator& a)
         : scratch(HostAllocator<kernels::ClusterScratch>(a)), masks(HostAllocator<uint8_t>(a)),
           jobs(HostAllocator<uint32_t>(a)), near(HostAllocator<uint16_t>(a)),
-          candidates(HostAllocator<uint32_t>(a)), selected(HostAllocator<uint32_t>(a)) {}
+          candidates(HostAllocator<uint32_t>(a)), selected(HostAllocator<uint32_t>(a)),
+          points_before(HostAllocator<float>(a)) {}
 
     Vector<kernels::ClusterScratch> scratch; // one
     Vector<uint8_t> masks;                   // of a batch
     Vector<uint32_t> jobs;                   // the job list's four arrays
     Vector<uint16_t> near; // by welded vertex, one bit a lane (quality `paper`); zero between batches
     Vector<uint32_t> candidates, selected;
+    Vector<float> points_before; // of a chunk (frames with a history)
     kernels::Batch batches[region_batches] = {};
     alignas(64) float normal[3][kernels::lanes] = {};
     alignas(64) float local[25][kernels::lanes] = {};
     alignas(64) float turned[25][kernels::lanes] = {};
     Tally tally;
+};
+
+// The threads' side of a frame: its graph and its workers' scratch memory. Any frame takes any that is free.
+struct Crew {
+    explicit Crew(const Allocator& a)
+        : graph_memory(HostAllocator<uint8_t>(a)), workers(HostAllocator<Worker>(a)) {}
+
+    Vector<uint8_t> graph_memory;
+    jobs::Graph* graph = nullptr;
+    Vector<Worker> workers;
+    bool in_use = false;
 };
 
 struct Frame {
@@ -94,13 +96,14 @@ struct Frame {
           radius(a), cone{FloatArray(a), FloatArray(a), FloatArray(a)}, cone_cos(a), cone_sin(a),
           triangle_radius(a), nearest(a), farthest(a), views(HostAllocator<kernels::ClusterView>(a)),
           cluster_mesh(HostAllocator<uint32_t>(a)), cluster_bounds_begin(HostAllocator<uint32_t>(a)),
-          graph_memory(HostAllocator<uint8_t>(a)), workers(HostAllocator<Worker>(a)) {}
+          history(a) {}
 
     // Fixed in `submit`.
     const kernels::Kernels* kernels = nullptr;
     const Profiler* profiler = nullptr; // the context's
     const kernels::Tables* tables = nullptr;
     QualitySettings quality{};
+    uint32_t order = 5; // bands of the transfer vectors
     Vector<MeshSlice> meshes;
     uint32_t point_count = 0, point_chunks = 0, cluster_count = 0, triangle_bounds_count = 0;
     uint32_t region_size = region_receivers; // receivers of a region, whole batches
@@ -120,9 +123,14 @@ struct Frame {
     Vector<uint32_t> cluster_mesh, cluster_bounds_begin;
     kernels::ClusterBounds cluster_bounds{};
 
-    Vector<uint8_t> graph_memory;
-    jobs::Graph* graph = nullptr;
-    Vector<Worker> workers;
+    // A frame with a history is kept for it: the arrays above are then those of its last frame.
+    bool has_history = false;
+    History history;
+
+    Crew* crew = nullptr;                    // while in flight
+    Worker* workers = nullptr;               // the crew's
+    const Clock* clock = nullptr;            // the context's
+    uint64_t budget_ns = 0, deadline_ns = 0; // 0: none
 
     uint32_t generation = 1;
     bool in_flight = false;
@@ -153,5 +161,10 @@ inline bool is_needed(const FrameMesh& mesh, uint32_t vertex) {
 uint64_t ticks_now();
 double nanoseconds_now();
 double thread_cpu_nanoseconds();
+// Of the caller's clock, that of time budgets.
+uint64_t clock_nanoseconds(const Frame& frame);
+inline bool is_out_of_time(const Frame& frame) {
+    return frame.budget_ns > 0 && clock_nanoseconds(frame) >= frame.deadline_ns;
+}
 
 } // namespace nusselt

@@ -21,6 +21,17 @@ struct Double {
 
 constexpr double pi = 3.14159265358979323846;
 
+// The light's bands up to the last that is not zero; at least one.
+uint32_t bands_of(const float light[75], uint32_t most) {
+    uint32_t terms = most * most;
+    while (terms > 1 && light[3 * terms - 3] == 0 && light[3 * terms - 2] == 0 && light[3 * terms - 1] == 0)
+        --terms;
+    uint32_t order = 1;
+    while (order * order < terms)
+        ++order;
+    return order;
+}
+
 } // namespace
 
 void sh_evaluate(float x, float y, float z, float out[25]) {
@@ -83,18 +94,37 @@ void sh_rotate(const float rotation[9], const float coefficients[25], float out[
         out[i] = static_cast<float>(turned[i]);
 }
 
+void turn_light(const float object_to_world[9], const float light[75], float out[75]) {
+    float world_to_object[9], channel[25], turned[25];
+    for (uint32_t row = 0; row < 3; ++row) {
+        for (uint32_t column = 0; column < 3; ++column)
+            world_to_object[3 * row + column] = object_to_world[3 * column + row];
+    }
+    for (uint32_t c = 0; c < 3; ++c) {
+        for (uint32_t i = 0; i < 25; ++i)
+            channel[i] = light[3 * i + c];
+        sh_rotate(world_to_object, channel, turned);
+        for (uint32_t i = 0; i < 25; ++i)
+            out[3 * i + c] = turned[i];
+    }
+}
+
 Status shade(const Context* context, const float light[75], TransferView transfer, Vec3View albedo,
-             float* rgb) {
+             float* rgb, uint32_t order) {
     if (!context || !light || !rgb || (!transfer.data && transfer.count > 0))
         return {StatusCode::invalid_argument,
                 "not shaded: context, light, transfer or rgb is null; all four are needed"};
-    if (transfer.stride < 100 || transfer.stride % 4 != 0 ||
+    if (order < 1 || order > sh_order)
+        return {StatusCode::invalid_argument,
+                "not shaded: the order is not one of 1 to 5; give that of the frame"};
+    if (transfer.stride < 4 * order * order || transfer.stride % 4 != 0 ||
         (albedo.data && (albedo.count != transfer.count || albedo.stride < 12 || albedo.stride % 4 != 0)))
         return {StatusCode::invalid_argument,
                 "not shaded: a stride is too small or no multiple of 4, or albedo and transfer "
                 "differ in count; strides are in bytes"};
     const jobs::FloatEnvironment environment;
-    context->kernels->shade(light, transfer.data, transfer.stride, transfer.count, rgb);
+    context->kernels->shade(light, bands_of(light, order), transfer.data, transfer.stride, transfer.count,
+                            rgb);
     for (size_t i = 0; albedo.data && i < transfer.count; ++i) {
         const float* a =
             reinterpret_cast<const float*>(reinterpret_cast<const char*>(albedo.data) + i * albedo.stride);

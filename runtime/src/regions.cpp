@@ -3,6 +3,7 @@
 #include "batches.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstring>
 
@@ -12,13 +13,14 @@ namespace {
 
 using namespace kernels;
 
-// A run of a mesh's receivers, or of its duplicates.
-struct Region {
-    const MeshSlice& slice;
-    const uint32_t* vertices;
-    const uint32_t* originals; // of duplicates; null for receivers
-    uint32_t count;
-};
+// A duplicate had the position and normal of another vertex when the mesh was added. It gets that one's
+// result, unless their normals differ in this frame or nobody needs the other.
+bool repeats(const FrameMesh& mesh, uint32_t duplicate, uint32_t original) {
+    return is_needed(mesh, original) &&
+           std::memcmp(element(mesh.normals, duplicate), element(mesh.normals, original), 12) == 0;
+}
+
+} // namespace
 
 Region region_of(const Frame& frame, uint32_t region) {
     const MeshSlice& slice = slice_of(frame, &MeshSlice::first_region, region);
@@ -31,27 +33,12 @@ Region region_of(const Frame& frame, uint32_t region) {
     return {slice, list.data() + first, duplicates ? mesh.duplicate_of.data() + first : nullptr, count};
 }
 
-// A duplicate had the position and normal of another vertex when the mesh was added. It gets that one's
-// result, unless their normals differ in this frame or nobody needs the other.
-bool repeats(const FrameMesh& mesh, uint32_t duplicate, uint32_t original) {
-    return is_needed(mesh, original) &&
-           std::memcmp(element(mesh.normals, duplicate), element(mesh.normals, original), 12) == 0;
-}
-
-// The region's vertices that want a result of their own, packed: so batches are full.
-uint32_t pack_wanted(const Region& region, uint32_t* out) {
+bool is_wanted(const Region& region, uint32_t i) {
     const FrameMesh& mesh = region.slice.in;
-    uint32_t count = 0;
-    for (uint32_t i = 0; i < region.count; ++i) {
-        const uint32_t vertex = region.vertices[i];
-        const bool wanted =
-            is_needed(mesh, vertex) && !(region.originals && repeats(mesh, vertex, region.originals[i]));
-        if (wanted) out[count++] = vertex;
-    }
-    return count;
+    return is_needed(mesh, region.vertices[i]) &&
+           !(region.originals && repeats(mesh, region.vertices[i], region.originals[i]));
 }
 
-// A sphere and a cone around all receivers of a region, from its batches' bounds.
 ReceiverBounds unite(const ReceiverBounds* batches, uint32_t count) {
     ReceiverBounds all{};
     float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY}, sum[3] = {};
@@ -88,16 +75,60 @@ ReceiverBounds unite(const ReceiverBounds* batches, uint32_t count) {
     return all;
 }
 
-void shadow_region(Frame& frame, uint32_t number, Worker& worker) {
+namespace {
+
+// The vertices of a region that are computed, packed: so batches are full.
+struct Packed {
+    uint32_t vertex[region_receivers];
+    uint8_t place[region_receivers]; // in the region
+    uint32_t count = 0;
+};
+
+void pack(const Region& region, uint32_t first, uint32_t lanes_wanted, Packed& out) {
+    for (uint32_t bits = lanes_wanted; bits; bits &= bits - 1) {
+        const uint32_t place = first + static_cast<uint32_t>(std::countr_zero(bits));
+        out.vertex[out.count] = region.vertices[place];
+        out.place[out.count++] = static_cast<uint8_t>(place);
+    }
+}
+
+// The lanes of a batch of the region that are to be computed in this frame.
+uint32_t to_compute(const Frame& frame, const Region& region, uint32_t number, uint32_t batch) {
+    const History& h = frame.history;
+    const uint32_t at = number * region_batches + batch;
+    if (frame.has_history) return h.wanted[at] & ~uint32_t(h.current[at]);
+    uint32_t wanted = 0;
+    for (uint32_t lane = 0; lane < std::min(region.count - batch * lanes, lanes); ++lane)
+        wanted |= uint32_t(is_wanted(region, batch * lanes + lane)) << lane;
+    return wanted;
+}
+
+void note_computed(History& h, uint32_t number, const uint8_t* places, uint32_t count) {
+    for (uint32_t i = 0; i < count; ++i) {
+        const uint32_t batch = number * region_batches + places[i] / lanes;
+        const uint16_t bit = static_cast<uint16_t>(1u << places[i] % lanes);
+        h.current[batch] |= bit;
+        h.known[batch] |= bit;
+        h.fresh[batch] |= bit;
+    }
+}
+
+// `batches`: one bit a batch of the region. `first`: computes something whatever the time.
+void shadow_region(Frame& frame, uint32_t number, uint32_t batches_wanted, bool first, Worker& worker) {
+    if (!first && is_out_of_time(frame)) return;
     const Region region = region_of(frame, number);
     const MeshSlice& slice = region.slice;
     const Kernels& k = *frame.kernels;
     StageClock clock(worker.tally);
-    uint32_t receivers[region_receivers];
-    const uint32_t count = pack_wanted(region, receivers);
+    Packed packed;
+    for (uint32_t b = 0; b * lanes < region.count; ++b) {
+        if (batches_wanted >> b & 1) pack(region, b * lanes, to_compute(frame, region, number, b), packed);
+    }
+    const uint32_t count = packed.count;
     if (count == 0) return;
 
-    const auto in_batch = [&](uint32_t first) { return std::min(count - first, lanes); };
+    const uint32_t* const receivers = packed.vertex;
+    const auto in_batch = [&](uint32_t i) { return std::min(count - i, lanes); };
     ReceiverBounds bounds[region_batches];
     uint32_t batches = 0;
     for (uint32_t i = 0; i < count; i += lanes) {
@@ -115,8 +146,10 @@ void shadow_region(Frame& frame, uint32_t number, Worker& worker) {
     }
     clock.lap(cull_stage);
     for (uint32_t i = 0; i < count; i += lanes) {
+        if (!(first && i == 0) && is_out_of_time(frame)) return;
         shadow_batch(frame, slice, receivers + i, in_batch(i), worker.batches[i / lanes],
                      worker.candidates.data(), candidates, worker, clock);
+        if (frame.has_history) note_computed(frame.history, number, packed.place + i, in_batch(i));
     }
 }
 
@@ -126,11 +159,12 @@ void copy_chunk(const Frame& frame, uint32_t chunk, Worker& worker) {
     const uint32_t first = (chunk - slice.first_duplicate_chunk) * lanes;
     const uint32_t end = std::min(first + lanes, static_cast<uint32_t>(data.duplicates.size()));
     const size_t mask_size = mask_bytes(frame.tables->layout);
+    const size_t transfer_size = frame.order * frame.order * sizeof(float);
     uint32_t copied = 0;
     for (uint32_t i = first; i < end; ++i) {
         const uint32_t vertex = data.duplicates[i], original = data.duplicate_of[i];
         if (!is_needed(slice.in, vertex) || !repeats(slice.in, vertex, original)) continue;
-        std::memcpy(transfer_of(slice.in, vertex), transfer_of(slice.in, original), 100);
+        std::memcpy(transfer_of(slice.in, vertex), transfer_of(slice.in, original), transfer_size);
         if (slice.in.masks.data)
             std::memcpy(mask_of(slice.in, vertex), mask_of(slice.in, original), mask_size);
         ++copied;
@@ -144,7 +178,15 @@ void copy_chunk(const Frame& frame, uint32_t chunk, Worker& worker) {
 void shadow_regions(void* context, uint32_t begin, uint32_t end, uint32_t slot) {
     Frame& frame = *static_cast<Frame*>(context);
     for (uint32_t region = begin; region < end; ++region)
-        shadow_region(frame, region, frame.workers[slot]);
+        shadow_region(frame, region, 0xFF, false, frame.workers[slot]);
+}
+
+void shadow_turns(void* context, uint32_t begin, uint32_t end, uint32_t slot) {
+    Frame& frame = *static_cast<Frame*>(context);
+    for (uint32_t i = begin; i < std::min(end, frame.history.turn_count); ++i) {
+        const History::Turn& turn = frame.history.turns[i];
+        shadow_region(frame, turn.region, turn.batches, i == 0, frame.workers[slot]);
+    }
 }
 
 void copy_duplicates(void* context, uint32_t begin, uint32_t end, uint32_t slot) {

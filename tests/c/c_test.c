@@ -152,12 +152,12 @@ static void test_frame(nusselt_context* context, nusselt_mesh mesh) {
     light[0] = 3.5449077f; /* radiance 1, 2, 3 from everywhere */
     light[1] = 2 * light[0];
     light[2] = 3 * light[0];
-    EXPECT_CODE(nusselt_shade(context, light, view, white, rgb), NUSSELT_OK);
+    EXPECT_CODE(nusselt_shade(context, light, 0, view, white, rgb), NUSSELT_OK);
     EXPECT(rgb[0] < 0.2f);                                            /* under the roof */
     EXPECT(fabsf(rgb[12] - 1) < 0.02f && fabsf(rgb[14] - 3) < 0.06f); /* on it */
-    EXPECT_CODE(nusselt_shade(NULL, light, view, white, rgb), NUSSELT_INVALID_ARGUMENT);
+    EXPECT_CODE(nusselt_shade(NULL, light, 0, view, white, rgb), NUSSELT_INVALID_ARGUMENT);
     view.stride = 3;
-    EXPECT_CODE(nusselt_shade(context, light, view, white, rgb), NUSSELT_INVALID_ARGUMENT);
+    EXPECT_CODE(nusselt_shade(context, light, 0, view, white, rgb), NUSSELT_INVALID_ARGUMENT);
 
     desc.quality = 77;
     EXPECT_CODE(nusselt_submit(context, &desc, &frame), NUSSELT_INVALID_ARGUMENT);
@@ -206,6 +206,63 @@ static void test_needed(nusselt_context* context, nusselt_mesh mesh) {
     EXPECT_CODE(nusselt_wait(context, frame, &stats), NUSSELT_OK);
     EXPECT(stats.receivers == 4 && stats.receivers_unneeded == 4 && stats.receivers_copied == 0);
     EXPECT(transfer[0][0] == -7);
+}
+
+/* The same pose again costs nothing; a tight budget leaves results for later. */
+static uint64_t slow_clock(void* user) {
+    return *(uint64_t*)user += 1000000;
+}
+
+static void test_history(void) {
+    const nusselt_mesh_desc mesh_of = mesh_desc();
+    uint64_t now = 0;
+    nusselt_context_desc with;
+    nusselt_context* context = NULL;
+    nusselt_mesh mesh;
+    nusselt_history history;
+    nusselt_frame_desc desc;
+    nusselt_frame_stats stats;
+    nusselt_frame frame;
+    const float quarter[9] = {0, -1, 0, 1, 0, 0, 0, 0, 1}; /* x to y */
+    float light[75], turned[75];
+
+    memset(&with, 0, sizeof with);
+    with.size = sizeof with;
+    with.clock.user = &now;
+    with.clock.nanoseconds = slow_clock;
+    EXPECT_CODE(nusselt_create_context(&with, &context), NUSSELT_OK);
+    EXPECT_CODE(nusselt_add_mesh(context, &mesh_of, &mesh), NUSSELT_OK);
+    EXPECT_CODE(nusselt_create_history(context, NULL), NUSSELT_INVALID_ARGUMENT);
+    EXPECT_CODE(nusselt_create_history(context, &history), NUSSELT_OK);
+    memset(&stats, 0, sizeof stats);
+    stats.size = sizeof stats;
+    desc = frame_desc(mesh);
+    desc.history = history;
+    desc.order = 3;
+    EXPECT_CODE(nusselt_submit(context, &desc, &frame), NUSSELT_OK);
+    EXPECT_CODE(nusselt_wait(context, frame, &stats), NUSSELT_OK);
+    EXPECT(stats.receivers_computed == 8 && stats.receivers_reused == 0);
+    desc.same_pose = 1;
+    in.positions.data = in.normals.data = NULL;
+    EXPECT_CODE(nusselt_submit(context, &desc, &frame), NUSSELT_OK);
+    EXPECT_CODE(nusselt_wait(context, frame, &stats), NUSSELT_OK);
+    EXPECT(stats.receivers_computed == 0 && stats.receivers_reused == 8 && stats.receivers_written == 8);
+    EXPECT(now == 0);
+    desc = frame_desc(mesh);
+    desc.history = history; /* of another order: anew */
+    desc.budget_us = 1;
+    EXPECT_CODE(nusselt_submit(context, &desc, &frame), NUSSELT_OK);
+    EXPECT_CODE(nusselt_wait(context, frame, &stats), NUSSELT_OK);
+    EXPECT(stats.receivers_computed + stats.receivers_stale == 8 && stats.receivers_computed > 0);
+    EXPECT(now > 0);
+    EXPECT_CODE(nusselt_remove_history(context, history), NUSSELT_OK);
+    EXPECT_CODE(nusselt_remove_history(context, history), NUSSELT_STALE_HANDLE);
+    EXPECT_CODE(nusselt_destroy_context(context), NUSSELT_OK);
+
+    memset(light, 0, sizeof light);
+    light[3 * 1] = 1; /* y of the world is x of the object */
+    nusselt_turn_light(quarter, light, turned);
+    EXPECT(fabsf(turned[3 * 3] - 1) < 1e-6f && fabsf(turned[3 * 1]) < 1e-6f);
 }
 
 /* More meshes than fit the stack, each of them small. */
@@ -257,6 +314,7 @@ static void test_context(const nusselt_context_desc* context_desc) {
 
     test_frame(context, mesh);
     test_needed(context, mesh);
+    test_history();
     test_many(context);
 
     EXPECT_CODE(nusselt_remove_mesh(context, mesh), NUSSELT_OK);

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -115,6 +116,7 @@ struct Statuses : testing::Test {
     void of_meshes();
     void of_frames();
     void of_frames_in_flight();
+    void of_histories();
     void of_memory();
     void of_cameras();
     void of_lighting();
@@ -246,6 +248,42 @@ void Statuses::of_frames_in_flight() {
     EXPECT_TRUE(destroy_context(other).ok());
 }
 
+void Statuses::of_histories() {
+    HistoryId history, gone;
+    FrameId id;
+    provoke(create_history(nullptr, &history), StatusCode::invalid_argument);
+    provoke(remove_history(nullptr, {}), StatusCode::invalid_argument);
+    provoke(remove_history(context, {}), StatusCode::stale_handle);
+    ASSERT_TRUE(create_history(context, &gone).ok());
+    ASSERT_TRUE(remove_history(context, gone).ok());
+    ASSERT_TRUE(create_history(context, &history).ok());
+    const float nowhere[3] = {0, 0, HUGE_VALF};
+    refuse_frame([](FrameDesc& d, FrameMesh&) { d.order = 6; });
+    refuse_frame([&](FrameDesc& d, FrameMesh&) { d.origin = nowhere; });
+    refuse_frame([](FrameDesc& d, FrameMesh&) { d.same_pose = true; });
+    refuse_frame([](FrameDesc& d, FrameMesh&) { d.budget_us = -1; });
+    refuse_frame([](FrameDesc& d, FrameMesh&) { d.budget_us = 100; });
+    refuse_frame([&](FrameDesc& d, FrameMesh&) { d.history = gone; }, StatusCode::stale_handle);
+    refuse_frame([&](FrameDesc& d, FrameMesh&) {
+        d.history = history;
+        d.same_pose = true;
+    });
+    FrameDesc desc{&use, 1};
+    desc.history = history;
+    ASSERT_TRUE(submit(context, desc, &id).ok());
+    FrameMesh other = use;
+    ASSERT_TRUE(add_mesh(context, mesh_desc, &other.mesh).ok());
+    refuse_frame(
+        [&](FrameDesc& d, FrameMesh& m) {
+            d.history = history;
+            m = other;
+        },
+        StatusCode::busy);
+    provoke(remove_history(context, history), StatusCode::busy);
+    ASSERT_TRUE(wait(context, id, nullptr).ok());
+    EXPECT_TRUE(remove_history(context, history).ok());
+}
+
 void Statuses::of_memory() {
     Context* made = nullptr;
     Scarce none;
@@ -271,6 +309,11 @@ void Statuses::of_memory() {
     ASSERT_TRUE(add_mesh(context, {large.positions, {}, nullptr, 0}, &large.mesh).ok());
     scarce.left = 0;
     provoke(submit(context, {&large, 1}, &frame), StatusCode::out_of_memory);
+    HistoryId history;
+    Status status = create_history(context, &history);
+    while (status.ok()) // until no frame is left that could become one
+        status = create_history(context, &history);
+    provoke(status, StatusCode::out_of_memory);
     scarce.left = 1 << 30;
     heap_is_empty = true; // no tables of this quality yet
     const Status tables = submit(context, {&large, 1, Quality::paper}, &frame);
@@ -296,6 +339,7 @@ void Statuses::of_lighting() {
     provoke(sh_project_latlong(nullptr, 1, 1, light, nullptr), StatusCode::invalid_argument);
     provoke(shade(nullptr, light, use.transfer, {}, rgb), StatusCode::invalid_argument);
     provoke(shade(context, light, {transfer.data(), 3, 10}, {}, rgb), StatusCode::invalid_argument);
+    provoke(shade(context, light, use.transfer, {}, rgb, 0), StatusCode::invalid_argument);
 }
 
 void Statuses::of_c() {
@@ -315,8 +359,11 @@ void Statuses::of_c() {
     provoke(nusselt_mark_visible(nullptr, {}, nullptr, 0, nullptr), StatusCode::invalid_argument);
     // More meshes than fit the stack: they are gathered in memory of the host's.
     const std::vector<nusselt_frame_mesh> many(100);
-    nusselt_frame_desc frame = {sizeof frame, many.data(), sizeof many[0], static_cast<uint32_t>(many.size()),
-                                0};
+    nusselt_frame_desc frame = {};
+    frame.size = sizeof frame;
+    frame.meshes = many.data();
+    frame.mesh_size = sizeof many[0];
+    frame.mesh_count = static_cast<uint32_t>(many.size());
     nusselt_frame handle;
     scarce.left = 0;
     provoke(nusselt_submit(c, &frame, &handle), StatusCode::out_of_memory);
@@ -329,6 +376,7 @@ TEST_F(Statuses, EveryOneIsProvoked) {
     of_meshes();
     of_frames();
     of_frames_in_flight();
+    of_histories();
     of_memory();
     of_cameras();
     of_lighting();

@@ -20,7 +20,7 @@ std::array<float, 25> integrated(const MaskLayout& layout, const std::vector<uin
     std::copy(mask.begin(), mask.end(), masks.get());
     alignas(64) float local[25][lanes];
     Counters counters{};
-    scalar().integrate(tables_of(layout), masks.get(), 1, per_block, local, counters);
+    scalar().integrate(tables_of(layout), masks.get(), 1, per_block, 5, local, counters);
     std::array<float, 25> out;
     for (uint32_t i = 0; i < 25; ++i)
         out[i] = local[i][0];
@@ -257,7 +257,7 @@ TEST(Integrate, UniformAndPartialBlocksAreAllBlocks) {
         }
         alignas(64) float local[25][lanes];
         Counters counters{};
-        scalar().integrate(tables_of(l.layout), masks.get(), 0x0F0F, false, local, counters);
+        scalar().integrate(tables_of(l.layout), masks.get(), 0x0F0F, false, 5, local, counters);
         EXPECT_EQ(counters.blocks_uniform + counters.blocks_partial, 8u * mask_blocks(l.layout));
         EXPECT_GT(counters.blocks_uniform, 0u);
         EXPECT_GT(counters.blocks_partial, 0u);

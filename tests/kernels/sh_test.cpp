@@ -267,7 +267,7 @@ TEST(ShRotation, KernelTurnsFromTheTangentFrameToSpace) {
             for (uint32_t i = 0; i < 25; ++i)
                 local[i][lane] = float(c[lane][i]);
         }
-        k.rotate(input.batch, local, out);
+        k.rotate(input.batch, 5, local, out);
         for (uint32_t lane = 0; lane < kernels::lanes; ++lane) {
             Coefficients turned;
             double before = 0, after = 0;
@@ -330,7 +330,7 @@ TEST(Shade, EqualsTheSumInDouble) {
             v = random.between(-4, 4);
         for (float& v : transfer)
             v = random.between(-1, 1);
-        kernels::kernels_for(kernels::Set::scalar)->shade(light, transfer.data(), 100, 20, rgb);
+        kernels::kernels_for(kernels::Set::scalar)->shade(light, 5, transfer.data(), 100, 20, rgb);
         for (uint32_t i = 0; i < 20; ++i) {
             for (uint32_t c = 0; c < 3; ++c) {
                 double sum = 0, size = 0;

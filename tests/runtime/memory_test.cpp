@@ -2,6 +2,7 @@
 #include "tests/runtime/fixture.h"
 
 #include <cstdint>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <map>
@@ -80,6 +81,73 @@ TEST(Memory, NoRequestsInSteadyState) {
     EXPECT_EQ(ledger.wrong, "");
 }
 
+// The bounds of runtime/README.md, "Memory". One context a scene, one thread.
+TEST(Memory, FramesAndHistoriesKeepToTheirBounds) {
+    for (const char* name : {"hand", "cloth", "fight", "chess"}) {
+        const scenes::Scene scene = scenes::builtin(name);
+        for (const Quality quality : {Quality::standard, Quality::fine}) {
+            Ledger ledger;
+            const auto bytes = [&] {
+                size_t sum = 0;
+                for (const auto& [memory, block] : ledger.out)
+                    sum += block.first;
+                return sum;
+            };
+            ContextDesc desc;
+            desc.allocator = ledger.hook();
+            Engine engine(desc);
+            const std::vector<MeshId> ids = add_all(engine.context, scene);
+            size_t vertices = 0, triangles = 0;
+            for (const scenes::Mesh& mesh : scene.meshes) {
+                vertices += mesh.rest_positions.size();
+                triangles += mesh.indices.size() / 3;
+            }
+            const size_t meshes = bytes();
+            run_frame(engine.context, posed(scene, ids, 0), quality);
+            const size_t frame = bytes() - meshes;
+            FrameDesc settings;
+            settings.quality = quality;
+            ASSERT_TRUE(create_history(engine.context, &settings.history).ok());
+            ASSERT_TRUE(
+                create_history(engine.context, &settings.history).ok()); // one with a frame of its own
+            run_frame(engine.context, posed(scene, ids, 0), settings);
+            const size_t history = bytes() - meshes - frame;
+            const size_t mask = quality_mask_bits(quality) / 8;
+            EXPECT_LE(frame, 24 * vertices + 128 * triangles + 2 * (96 << 10));
+            EXPECT_LE(history, (160 + mask) * vertices + 192 * triangles + 2 * (32 << 10));
+            std::printf(
+                "%s %s: frame %.1f B a triangle, history %.1f B a vertex without masks, %zu and %zu\n", name,
+                quality_name(quality), double(frame) / double(triangles),
+                double(history) / double(vertices) - double(mask), frame, history);
+        }
+    }
+}
+
+// A history takes its memory with its first frame; none of what happens to it later takes more.
+TEST(Memory, NoRequestsInSteadyStateWithAHistory) {
+    Ledger ledger;
+    ContextDesc desc;
+    desc.allocator = ledger.hook();
+    {
+        Engine engine(desc);
+        const scenes::Scene scene = scenes::builtin("fight");
+        const std::vector<MeshId> ids = add_all(engine.context, scene);
+        FrameDesc settings;
+        ASSERT_TRUE(create_history(engine.context, &settings.history).ok());
+        run_frame(engine.context, posed(scene, ids, 0), settings);
+        const uint64_t before = ledger.requests;
+        for (int i = 1; i < 8; ++i) {
+            settings.budget_us = i % 3 == 2 ? 1.0f : 0.0f;
+            run_frame(engine.context, posed(scene, ids, 0.2 * (i / 2)), settings);
+        }
+        EXPECT_EQ(ledger.requests, before);
+        const size_t held = ledger.out.size();
+        EXPECT_TRUE(remove_history(engine.context, settings.history).ok());
+        EXPECT_LT(ledger.out.size(), held - 20); // at once
+    }
+    EXPECT_EQ(ledger.wrong, "");
+}
+
 // Context, two meshes and a frame, with the k-th request refused, for every k; tried again each time.
 TEST(Memory, EveryFailureIsAnAnswerAndNothingMore) {
     const scenes::Mesh torus = scenes::torus(1, 0.4f, 10, 6), floor = scenes::plane(3, 2);
@@ -144,14 +212,24 @@ TEST(Memory, EveryFailureIsAnAnswerAndNothingMore) {
                              {transfer.back().data(), count, 100},
                              {}});
         }
-        FrameId id;
-        twice([&] { return submit(context, {frame.data(), 2, Quality::standard}, &id); });
-        EXPECT_TRUE(wait(context, id, nullptr).ok()) << k;
-        for (size_t m = 0; m < 2; ++m)
-            ASSERT_EQ(
-                std::memcmp(transfer[m].data(), expected.meshes[m].transfer.data(), 4 * transfer[m].size()),
-                0)
-                << k;
+        // Without a history and with one; then another group, with the first one's failures in between.
+        HistoryId history;
+        twice([&] { return create_history(context, &history); });
+        for (const uint32_t run : {0u, 1u, 2u, 3u}) {
+            const uint64_t refused_before = refused;
+            FrameDesc with{frame.data(), run == 2 ? 1u : 2u, Quality::standard};
+            with.history = run > 0 ? history : HistoryId{};
+            FrameId id;
+            twice([&] { return submit(context, with, &id); });
+            EXPECT_TRUE(wait(context, id, nullptr).ok()) << k;
+            if (run == 2) continue;
+            for (size_t m = 0; m < 2; ++m)
+                ASSERT_EQ(std::memcmp(transfer[m].data(), expected.meshes[m].transfer.data(),
+                                      4 * transfer[m].size()),
+                          0)
+                    << k;
+            if (refused > 0 && refused == refused_before) break; // the frame after the failure was whole
+        }
         ASSERT_TRUE(destroy_context(context).ok());
         ASSERT_TRUE(ledger.out.empty()) << k;
         ASSERT_EQ(ledger.wrong, "") << k;

@@ -24,7 +24,8 @@ struct Moment {
     std::vector<uint8_t> clear;            // a vertex; empty where it follows
 };
 
-// `count` moments evenly over the animation, each with the one that follows; one of a scene that stands still.
+// `count` moments evenly over the animation, each with the one that follows; one of a scene that stands
+// still.
 std::vector<Moment> make_moments(const scenes::Scene& scene, uint32_t count);
 
 // At most `most` of `all`, evenly, in runs of `run` neighbours.

@@ -13,8 +13,8 @@ namespace nusselt::tools {
 
 namespace {
 
-// Of the hand's four seconds: opened. Three moments in turn, so that no frame repeats the one before it, or the
-// one before of its quality.
+// Of the hand's four seconds: opened. Three moments in turn, so that no frame repeats the one before it, or
+// the one before of its quality.
 constexpr double moment_times[] = {3.75, 3.8, 3.85};
 constexpr uint32_t peer_side = 32;
 constexpr size_t peer_receivers = 2048, peer_run = 64; // timed; scaled up to all
@@ -49,8 +49,8 @@ std::vector<SizePoint> measure_sizes(const MeasureOptions& options, bool quick,
             for (size_t k = 0; k <= ours && !interrupted(); ++k) {
                 double cpu_ms = 0, wall_ms = 0, count = static_cast<double>(receivers.size());
                 if (k < ours) {
-                    const FrameStats stats = timed_frame(
-                        engine, poses[(repeat + k) % std::size(poses)], qualities[k], transfer);
+                    const FrameStats stats =
+                        timed_frame(engine, poses[(repeat + k) % std::size(poses)], qualities[k], transfer);
                     cpu_ms = stats.cpu_ms;
                     wall_ms = stats.wall_ms;
                     count = stats.receivers_computed;

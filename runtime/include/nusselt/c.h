@@ -63,6 +63,11 @@ typedef struct nusselt_profiler {
     void (*end)(void* user, const char* zone);
 } nusselt_profiler;
 
+typedef struct nusselt_clock {
+    void* user;
+    uint64_t (*nanoseconds)(void* user);
+} nusselt_clock;
+
 nusselt_status nusselt_create_tbb_executor(uint32_t threads, nusselt_executor* out);
 void nusselt_destroy_executor(nusselt_executor* executor);
 
@@ -86,6 +91,7 @@ typedef struct nusselt_context_desc {
     nusselt_executor executor;   /* default: serial, on the calling thread */
     nusselt_profiler profiler;   /* default: none */
     uint32_t isa;
+    nusselt_clock clock; /* of time budgets; default: the machine's steady clock */
 } nusselt_context_desc;
 
 /* `desc` null: all defaults. */
@@ -148,6 +154,16 @@ nusselt_status nusselt_get_mesh_info(const nusselt_context* context, nusselt_mes
 nusselt_status nusselt_mesh_memory_bound(const nusselt_context* context, const nusselt_mesh_desc* desc,
                                          size_t* held, size_t* peak);
 
+/* ---- histories: history.h says more ---- */
+
+typedef struct nusselt_history {
+    uint32_t slot;
+    uint32_t generation;
+} nusselt_history;
+
+nusselt_status nusselt_create_history(nusselt_context* context, nusselt_history* out);
+nusselt_status nusselt_remove_history(nusselt_context* context, nusselt_history history);
+
 /* ---- frames: more than 64 meshes in one take a temporary allocation ---- */
 
 /* 0 is the default, NUSSELT_QUALITY_STANDARD; the others are one more than nusselt::Quality. */
@@ -181,6 +197,11 @@ typedef struct nusselt_frame_desc {
     size_t mesh_size; /* sizeof(nusselt_frame_mesh) */
     uint32_t mesh_count;
     uint32_t quality;
+    uint32_t order;      /* bands of the transfer vectors, 1 to 5; 0: 5 */
+    uint32_t same_pose;  /* 1: positions and normals are those of the history's last frame, and not read */
+    const float* origin; /* 3 floats; null: chosen */
+    nusselt_history history; /* zero: everything is computed */
+    float budget_us;         /* 0: no limit */
 } nusselt_frame_desc;
 
 typedef struct nusselt_frame_stats {
@@ -191,7 +212,9 @@ typedef struct nusselt_frame_stats {
     uint64_t triangles_considered, triangles_rasterized, fan_triangles;
     uint64_t blocks_uniform, blocks_partial;
     double wall_ms, cpu_ms;
-    uint32_t receivers_unneeded, receivers_copied;
+    uint32_t receivers_unneeded, receivers_copied, receivers_reused, clusters_kept;
+    uint32_t receivers_stale, receivers_unshadowed, stale_frames_max, reserved; /* reserved: 0 */
+    double stale_frames_mean;
 } nusselt_frame_stats;
 
 nusselt_status nusselt_submit(nusselt_context* context, const nusselt_frame_desc* desc, nusselt_frame* out);
@@ -220,7 +243,9 @@ void nusselt_sh_evaluate(float x, float y, float z, float out[25]);
 nusselt_status nusselt_sh_project_latlong(const float* rgb, uint32_t width, uint32_t height, float out[75],
                                           uint64_t* bad);
 void nusselt_sh_rotate(const float rotation[9], const float coefficients[25], float out[25]);
-nusselt_status nusselt_shade(const nusselt_context* context, const float light[75],
+void nusselt_turn_light(const float object_to_world[9], const float light[75], float out[75]);
+/* `order`: that of the frame; 0: 5. */
+nusselt_status nusselt_shade(const nusselt_context* context, const float light[75], uint32_t order,
                              nusselt_transfer_view transfer, nusselt_vec3_view albedo, float* rgb);
 
 #ifdef __cplusplus

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "nusselt/allocator.h"
+#include "nusselt/clock.h"
 #include "nusselt/executor.h"
 #include "nusselt/profiler.h"
 #include "nusselt/status.h"
@@ -29,6 +30,7 @@ struct ContextDesc {
     Executor executor;   // default (enqueue null): serial_executor()
     Isa isa = Isa::best; // `best` takes NUSSELT_ISA from the environment first, then the highest available
     Profiler profiler;   // default: none, and nothing is spent on it
+    Clock clock;         // of time budgets; default: std::chrono::steady_clock
 };
 
 // Makes a context. `unsupported`: the instruction set is not available here (or NUSSELT_ISA names no

@@ -1,6 +1,7 @@
 // Frames: positions in, transfer vectors out.
 #pragma once
 
+#include "nusselt/history.h"
 #include "nusselt/mesh.h"
 
 namespace nusselt {
@@ -41,16 +42,41 @@ struct FrameDesc {
     const FrameMesh* meshes = nullptr;
     uint32_t mesh_count = 0;
     Quality quality = Quality::standard;
+    // Bands of the transfer vectors, 1 to 5: only the first order^2 terms are computed and written, with the
+    // bits that they have in all 25. A smooth sky needs 3 (9 terms), sharper light more.
+    uint32_t order = 5;
+    // Where coordinates are most exact: 3 floats, finite, near the meshes. Null: the first finite position of
+    // the first mesh. With a history, one that stays while vertices move: a new origin changes the rounding
+    // of all positions, so nothing is kept.
+    const float* origin = nullptr;
+    HistoryId history = {}; // null: everything is computed
+    // The meshes stand as in the history's last frame, or have moved since by one rigid motion together:
+    // positions and normals are not read and may be null. Results are those of that frame, in its space; to
+    // light an object that was moved, turn the light into the object's space (turn_light). Needs a history
+    // whose last frame was of these meshes, quality and arrays.
+    bool same_pose = false;
+    // Microseconds from the first task on (ContextDesc::clock) after which no further batch of receivers is
+    // begun; 0: no limit. At least one batch is computed, and the mesh-wide stages always are. Needs a
+    // history: receivers that wait keep the results of an earlier frame, each whole; those that never had any
+    // get those of a receiver without blockers. The longest stale go first, of these the most changed; so
+    // all get their turn. Without a budget, same input gives the same bits; with one, time decides.
+    float budget_us = 0;
 };
 
 // Counts of work done and of work skipped, summed over the frame, and CPU time summed over threads.
 struct FrameStats {
-    uint32_t receivers = 0;          // vertices that asked for a transfer vector and need it
-    uint32_t receivers_unneeded = 0; // vertices that asked, with their bit of FrameMesh::needed not set
-    uint32_t receivers_computed = 0; // of `receivers`, through the kernels
-    uint32_t receivers_copied = 0;   // of `receivers`, with the position and normal of another one
-    uint32_t receivers_invalid = 0;  // position or normal not finite, or a zero normal: transfer is zero
+    uint32_t receivers = 0;            // vertices that asked for a transfer vector and need it
+    uint32_t receivers_unneeded = 0;   // vertices that asked, with their bit of FrameMesh::needed not set
+    uint32_t receivers_computed = 0;   // of `receivers`, through the kernels
+    uint32_t receivers_copied = 0;     // of `receivers`, with the position and normal of another one
+    uint32_t receivers_reused = 0;     // of `receivers`, unchanged since the history's last frame
+    uint32_t receivers_stale = 0;      // of `receivers`, with an earlier frame's result: the budget was spent
+    uint32_t receivers_unshadowed = 0; // of the stale, never computed yet
+    uint32_t stale_frames_max = 0; // of the stale: for how many frames their results have not been up to date
+    double stale_frames_mean = 0;
+    uint32_t receivers_invalid = 0; // position or normal not finite, or a zero normal: transfer is zero
     uint32_t receivers_written = 0; // whose results were written: all of them, unless the frame was cancelled
+    uint32_t clusters_kept = 0;     // of which no vertex moved since the history's last frame: not refitted
     uint64_t clusters_tested = 0;
     uint64_t clusters_rasterized = 0;
     uint64_t triangles_considered = 0; // (receiver, triangle) pairs in the clusters that were left

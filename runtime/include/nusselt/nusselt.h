@@ -21,9 +21,11 @@
 #pragma once
 
 #include "nusselt/allocator.h"
+#include "nusselt/clock.h"
 #include "nusselt/context.h"
 #include "nusselt/executor.h"
 #include "nusselt/frame.h"
+#include "nusselt/history.h"
 #include "nusselt/lighting.h"
 #include "nusselt/mesh.h"
 #include "nusselt/profiler.h"

@@ -14,8 +14,8 @@ struct Vec3View {
     size_t stride = 12;
 };
 
-// `count` transfer vectors of 25 floats, `stride` bytes apart (a multiple of 4, at least 100). Written, never
-// read.
+// `count` transfer vectors of 25 floats (or of order^2, where a lower order is asked for), `stride` bytes
+// apart (a multiple of 4, at least their size). Written, never read.
 struct TransferView {
     float* data = nullptr;
     size_t count = 0;

@@ -1,0 +1,120 @@
+#include "layout.h"
+
+#include <algorithm>
+
+namespace nusselt {
+
+namespace {
+
+// Small frames are cut finer, so that threads end together: of 128 pieces the last one makes two threads wait
+// for less than a hundredth. Not below two batches: what nobody needs is packed away within a region.
+uint32_t region_size(const Frame& frame) {
+    size_t receivers = 0;
+    for (const MeshSlice& s : frame.meshes)
+        receivers += s.in.transfer.data ? s.mesh->receivers.size() : 0;
+    const size_t batches = receivers / (128 * kernels::lanes);
+    return static_cast<uint32_t>(std::clamp<size_t>(batches, 2, region_batches)) * kernels::lanes;
+}
+
+} // namespace
+
+void lay_out(Frame& frame) {
+    frame.point_count = frame.point_chunks = frame.cluster_count = 0;
+    frame.triangle_bounds_count = 0;
+    frame.region_count = frame.duplicate_chunks = 0;
+    frame.region_size = region_size(frame);
+    const auto regions = [&](uint32_t receivers) {
+        return (receivers + frame.region_size - 1) / frame.region_size;
+    };
+    uint32_t vertices = 0;
+    for (MeshSlice& s : frame.meshes) {
+        const uint32_t points = static_cast<uint32_t>(s.mesh->weld_source.size());
+        s.clusters = frame.quality.paper ? &s.mesh->coarse_clusters : &s.mesh->clusters;
+        s.first_point = frame.point_count;
+        s.first_point_chunk = frame.point_chunks;
+        s.first_cluster = frame.cluster_count;
+        s.first_region = frame.region_count;
+        s.first_duplicate_chunk = frame.duplicate_chunks;
+        s.first_vertex = vertices;
+        const bool receives = s.in.transfer.data != nullptr;
+        const uint32_t receivers = receives ? static_cast<uint32_t>(s.mesh->receivers.size()) : 0;
+        const uint32_t duplicates = receives ? static_cast<uint32_t>(s.mesh->duplicates.size()) : 0;
+        s.first_own_region = s.first_region + regions(receivers);
+        vertices += receives ? s.mesh->vertex_count : 0;
+        frame.point_count += points;
+        frame.point_chunks += (points + point_chunk - 1) / point_chunk;
+        frame.cluster_count += s.clusters->count();
+        for (uint32_t c = 0; c < s.clusters->count(); ++c) {
+            const uint32_t triangles = s.clusters->triangle_begin[c + 1] - s.clusters->triangle_begin[c];
+            frame.triangle_bounds_count += 8 * kernels::triangle_slots(triangles);
+        }
+        frame.region_count = s.first_own_region + regions(duplicates);
+        frame.duplicate_chunks += (duplicates + kernels::lanes - 1) / kernels::lanes;
+    }
+}
+
+void grow(Frame& frame) {
+    frame.extents.resize(frame.point_chunks);
+    frame.points.resize(4 * size_t(frame.point_count));
+    for (uint32_t k = 0; k < 3; ++k) {
+        frame.centre[k].resize(frame.cluster_count);
+        frame.cone[k].resize(frame.cluster_count);
+    }
+    frame.radius.resize(frame.cluster_count);
+    frame.cone_cos.resize(frame.cluster_count);
+    frame.cone_sin.resize(frame.cluster_count);
+    frame.triangle_radius.resize(frame.cluster_count);
+    frame.nearest.resize(frame.cluster_count);
+    frame.farthest.resize(frame.cluster_count);
+    frame.level_errors.resize(frame.cluster_count);
+    frame.views.resize(frame.cluster_count);
+    frame.cluster_mesh.resize(frame.cluster_count);
+    frame.cluster_bounds_begin.resize(frame.cluster_count);
+    frame.triangle_bounds.resize(frame.triangle_bounds_count);
+    const size_t job_capacity = job_flush + kernels::jobs_per_cluster + 64;
+    // What a history looks at: clusters as they were and as they are.
+    const uint32_t clusters = frame.has_history ? 2 * frame.cluster_count : frame.cluster_count;
+    for (Worker& w : frame.crew->workers) {
+        w.scratch.resize(1);
+        w.masks.resize(size_t(kernels::lanes) * kernels::mask_bytes(frame.quality.layout));
+        w.jobs.resize(4 * job_capacity);
+        if (frame.quality.paper) w.near.resize(frame.point_count, 0);
+        w.candidates.resize(clusters + 16);
+        w.selected.resize(clusters + 16);
+        if (frame.has_history) w.points_before.resize(4 * size_t(point_chunk));
+    }
+}
+
+void connect(Frame& frame) {
+    uint32_t bounds = 0;
+    for (uint32_t m = 0; m < frame.meshes.size(); ++m) {
+        const MeshSlice& s = frame.meshes[m];
+        const Clusters& k = *s.clusters;
+        for (uint32_t i = 0; i < k.count(); ++i) {
+            const uint32_t c = s.first_cluster + i;
+            const uint32_t triangle = k.triangle_begin[i];
+            frame.cluster_mesh[c] = m;
+            frame.cluster_bounds_begin[c] = bounds;
+            kernels::ClusterView& view = frame.views[c];
+            view.vertices = k.vertices.data() + k.vertex_begin[i];
+            view.edges = reinterpret_cast<const uint8_t*>(k.edges.data() + k.edge_begin[i]);
+            view.triangles = reinterpret_cast<const uint8_t*>(k.triangles.data() + triangle);
+            view.vertex_count = k.vertex_begin[i + 1] - k.vertex_begin[i];
+            view.edge_count = k.edge_begin[i + 1] - k.edge_begin[i];
+            view.triangle_count = k.triangle_begin[i + 1] - triangle;
+            view.two_sided = k.two_sided[i];
+            view.bounds = frame.triangle_bounds.data() + bounds;
+            bounds += 8 * kernels::triangle_slots(view.triangle_count);
+        }
+    }
+    frame.cluster_bounds = {{frame.centre[0].data(), frame.centre[1].data(), frame.centre[2].data()},
+                            frame.radius.data(),
+                            {frame.cone[0].data(), frame.cone[1].data(), frame.cone[2].data()},
+                            frame.cone_cos.data(),
+                            frame.cone_sin.data(),
+                            frame.nearest.data(),
+                            frame.farthest.data(),
+                            frame.cluster_count};
+}
+
+} // namespace nusselt
