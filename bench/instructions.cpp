@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <ctime>
+#include <utility>
 
 #if defined(__linux__)
 #include <csignal>
@@ -122,15 +123,59 @@ double seconds() {
     return static_cast<double>(time.tv_sec) + static_cast<double>(time.tv_nsec) * 1e-9;
 }
 
-#if defined(__x86_64__) || defined(__aarch64__)
+#if defined(__x86_64__)
+#define NUSSELT_PAIR_0 "addq $1, %%r8\n addq $1, %%r9\n"
+#define NUSSELT_PAIR_1 "addq $1, %%r10\n addq $1, %%r11\n"
+#define NUSSELT_PAIR_2 "addq $1, %%rax\n addq $1, %%rcx\n"
+#define NUSSELT_PAIR_3 "addq $1, %%rdx\n addq $1, %%rsi\n"
+#define NUSSELT_VECTOR(a) "paddd %%xmm" a ", %%xmm" a "\n"
+#define NUSSELT_REGISTERS                                                                                    \
+    "r8", "r9", "r10", "r11", "rax", "rcx", "rdx", "rsi", "cc", "xmm0", "xmm1", "xmm2", "xmm3", "xmm4",      \
+        "xmm5", "xmm6", "xmm7"
+#elif defined(__aarch64__)
+#define NUSSELT_PAIR_0 "add x8, x8, #1\n add x9, x9, #1\n"
+#define NUSSELT_PAIR_1 "add x10, x10, #1\n add x11, x11, #1\n"
+#define NUSSELT_PAIR_2 "add x12, x12, #1\n add x13, x13, #1\n"
+#define NUSSELT_PAIR_3 "add x14, x14, #1\n add x15, x15, #1\n"
+#define NUSSELT_VECTOR(a) "add v" a ".4s, v" a ".4s, v" a ".4s\n"
+#define NUSSELT_REGISTERS                                                                                    \
+    "x8", "x9", "x10", "x11", "x12", "x13", "x14", "x15", "v0", "v1", "v2", "v3", "v4", "v5", "v6", "v7"
+#endif
+
+#if defined(NUSSELT_VECTOR)
+
+// Independent of each other, so that nothing but issue holds them up.
+void general_alone(size_t rounds) {
+    for (size_t k = 0; k < rounds; ++k)
+        asm volatile(".rept 4\n" NUSSELT_PAIR_0 NUSSELT_PAIR_1 NUSSELT_PAIR_2 NUSSELT_PAIR_3 ".endr" ::
+                         : NUSSELT_REGISTERS);
+}
+void general_and_half_vector(size_t rounds) {
+    for (size_t k = 0; k < rounds; ++k)
+        asm volatile(".rept 4\n" NUSSELT_PAIR_0 NUSSELT_VECTOR("0") NUSSELT_PAIR_1 NUSSELT_VECTOR("1")
+                         NUSSELT_PAIR_2 NUSSELT_VECTOR("2") NUSSELT_PAIR_3 NUSSELT_VECTOR("3") ".endr" ::
+                             : NUSSELT_REGISTERS);
+}
+void general_and_vector(size_t rounds) {
+    for (size_t k = 0; k < rounds; ++k)
+        asm volatile(".rept 4\n" NUSSELT_PAIR_0 NUSSELT_VECTOR("0") NUSSELT_VECTOR("1")
+                         NUSSELT_PAIR_1 NUSSELT_VECTOR("2") NUSSELT_VECTOR("3")
+                             NUSSELT_PAIR_2 NUSSELT_VECTOR("4") NUSSELT_VECTOR("5")
+                                 NUSSELT_PAIR_3 NUSSELT_VECTOR("6") NUSSELT_VECTOR("7") ".endr" ::
+                                     : NUSSELT_REGISTERS);
+}
+
 double measure_issue() {
-    constexpr size_t rounds = 1'000'000, unrolled = 64;
+    constexpr size_t rounds = 1'000'000;
+    const std::pair<void (*)(size_t), size_t> mixes[] = {
+        {general_alone, 32}, {general_and_half_vector, 48}, {general_and_vector, 64}};
     double best = 0;
-    for (int attempt = 0; attempt < 9; ++attempt) {
-        const double start = seconds();
-        for (size_t k = 0; k < rounds; ++k)
-            asm volatile(".rept 64\n nop\n .endr");
-        best = std::max(best, double{rounds} * unrolled / (seconds() - start));
+    for (int attempt = 0; attempt < 5; ++attempt) {
+        for (const auto& [mix, count] : mixes) {
+            const double start = seconds();
+            mix(rounds);
+            best = std::max(best, double{rounds} * static_cast<double>(count) / (seconds() - start));
+        }
     }
     return best;
 }

@@ -16,8 +16,8 @@ double instructions_per_item(size_t inputs, const std::function<void(size_t)>& r
 // Which of these it is, for reports.
 const char* counting_method();
 
-// Instructions a second that one core fetches, decodes and retires at most: those that do nothing. 0: not
-// known for this processor.
+// Instructions a second that one core executes at most, of additions that don't wait for each other: the best
+// of three mixes of general and 128-bit registers. 0: not known for this processor.
 double issue_peak();
 
 } // namespace nusselt::bench

@@ -57,7 +57,8 @@ struct Entry {
     Time wall_ms;                    // a frame
     EqualError peer_all, peer_clear; // the peer's `us.min` at this entry's mean error
     std::optional<FrameStats> stats; // ours: of the fastest repeat, summed over frames
-    Time refit_ms;                   // peer: a frame
+    Time update_ms;                  // peer: refit or rebuild of a frame's BVH
+    std::string setup;               // peer: what was fastest, setup_name()
 };
 
 struct ScalingPoint {
@@ -90,7 +91,7 @@ struct SceneReport {
     // Memory, bytes.
     uint64_t mesh_bytes = 0, context_bytes = 0, peer_bytes = 0;
     double add_mesh_ms = 0;
-    double peer_build_ms = 0, peer_refit_ms = 0; // the refit's median
+    double peer_build_ms = 0, peer_refit_ms = 0; // the refit's median; 0: always rebuilt
     std::string isa;
     uint32_t levels = 0, coarse_triangles = 0;
 };

@@ -61,7 +61,7 @@ figcaption { font-size: 13px; color: var(--soft); }
 <p class="soft" id="machine"></p>
 <div id="warnings"></div>
 <p>Down and to the left is better. Each point is one way to get the same thing: 25 transfer coefficients a vertex, this
-frame. The line is Embree, at different numbers of rays: refitted BVH, coherent 4x4 packets on the mask's own grid,
+frame. The line is Embree, at different numbers of rays: packets of 4x4 on the mask's own grid, the BVH refitted or rebuilt every frame,
 cell-integrated weights. Rings mark the Pareto front. Errors are told against a reference of many more rays; what lies under
 its own noise isn't a finding. <em>Clear</em> receivers see at least a tenth of the sky and don't touch another surface; where
 surfaces touch, the truth itself flips.</p>
@@ -262,7 +262,7 @@ const show = (scene, card, top) => {
   const body = make("tbody", table);
   for (const e of scene.entries) {
     const line = make("tr", body, undefined, e.kind), c = e.error.clear, a = e.error.all;
-    make("td", line, e.name);
+    make("td", line, e.name + (e.setup ? " (" + e.setup + ")" : ""));
     for (const text of e.us_per_vertex ? [e.us_per_vertex.min.toFixed(3), e.us_per_vertex.median.toFixed(3), e.frame_ms.median.toFixed(2), e.fps.toFixed(0)] : ["", "", "", ""])
       make("td", line, text);
     make("td", line, c.below_noise ? "<" + percent(scene.reference.noise.clear.mean) : percent(c.mean), c.below_noise ? "noise" : "");
@@ -276,7 +276,7 @@ const show = (scene, card, top) => {
   }
   make("p", card, "Memory: meshes " + (scene.memory.mesh_bytes / 1e6).toFixed(1) + " MB, whole context " + (scene.memory.context_bytes / 1e6).toFixed(1) +
     " MB, Embree " + (scene.memory.peer_bytes / 1e6).toFixed(1) + " MB. Adding the meshes took " + scene.add_mesh_ms.toFixed(0) + " ms. Embree's BVH: built in " +
-    scene.peer.build_ms.toFixed(2) + " ms, refitted in " + scene.peer.refit_ms.toFixed(2) + " ms a frame.", "soft");
+    scene.peer.build_ms.toFixed(2) + " ms" + (scene.peer.refit_ms > 0 ? ", refitted in " + scene.peer.refit_ms.toFixed(2) + " ms a frame." : "."), "soft");
 };
 // Many scenes unfold one by one.
 for (const scene of report.scenes) {

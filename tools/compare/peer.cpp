@@ -1,6 +1,7 @@
 #include "tools/compare/peer.h"
 
 #include "tools/compare/clock.h"
+#include "tools/compare/moment.h"
 #include "tools/compare/widest.h"
 #include "tools/report/failure.h"
 
@@ -15,6 +16,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <iterator>
 #include <string>
 #include <unordered_map>
 
@@ -97,43 +99,13 @@ bool finite(const glm::vec3& v) {
 
 } // namespace
 
-Peer::Peer(const Assembly& first, uint32_t threads)
-    : threads_(threads), executor_(serial_executor()),
-      device_(rtcNewDevice(("threads=" + std::to_string(threads)).c_str()), rtcReleaseDevice),
-      scene_(nullptr, rtcReleaseScene) {
-    if (!device_) {
-        throw Failure("Embree", "cannot be started; this machine or its installation lacks what it needs");
-    }
-    rtcSetDeviceMemoryMonitorFunction(device_.get(), count_memory, &counted_);
-    const FlushDenormals guard;
-    scene_.reset(rtcNewScene(device_.get()));
-    rtcSetSceneFlags(scene_.get(), RTC_SCENE_FLAG_DYNAMIC);
-    rtcSetSceneBuildQuality(scene_.get(), RTC_BUILD_QUALITY_LOW);
-    const size_t triangles = first.indices.size() / 3;
-    if (triangles > 0) {
-        geometry_ = rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_TRIANGLE);
-        rtcSetGeometryBuildQuality(geometry_, RTC_BUILD_QUALITY_REFIT);
-        positions_ = rtcSetNewGeometryBuffer(geometry_, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
-                                             sizeof(glm::vec3), first.positions.size());
-        void* indices = rtcSetNewGeometryBuffer(geometry_, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
-                                                3 * sizeof(uint32_t), triangles);
-        if (positions_ && indices) {
-            std::memcpy(positions_, first.positions.data(), first.positions.size() * sizeof(glm::vec3));
-            std::memcpy(indices, first.indices.data(), triangles * 3 * sizeof(uint32_t));
-            rtcCommitGeometry(geometry_);
-            rtcAttachGeometry(scene_.get(), geometry_);
-        }
-        rtcReleaseGeometry(geometry_); // the scene holds it
-        if (!positions_ || !indices)
-            throw Failure("Embree",
-                          "has no memory for the scene; close other programs or use a smaller model");
-    }
-    const double start = wall_ms();
-    rtcCommitScene(scene_.get());
-    build_ms_ = wall_ms() - start;
-    if (rtcGetDeviceError(device_.get()) != RTC_ERROR_NONE)
-        throw Failure("Embree",
-                      "could not build the scene, most likely for lack of memory; use a smaller model");
+std::string setup_name(const PeerSetup& setup) {
+    return std::string(setup.rebuild ? "rebuilt" : "refitted") +
+           (setup.coherent ? ", coherent" : ", incoherent");
+}
+
+Peer::Peer(const Assembly& first, uint32_t threads) : threads_(threads), executor_(serial_executor()) {
+    tree_of({}, first);
     if (threads_ > 1) {
         const Status status = create_tbb_executor(threads_, &executor_);
         if (!status.ok()) throw Failure("--threads", status.text);
@@ -143,12 +115,106 @@ Peer::Peer(const Assembly& first, uint32_t threads)
 Peer::~Peer() {
     destroy_executor(&executor_);
     // Before the counter that it counts into.
-    scene_.reset();
-    device_.reset();
+    for (std::unique_ptr<Tree>& tree : trees_)
+        tree.reset();
 }
 
-void Peer::trace(const Assembly& all, const uint32_t* receivers, uint32_t count, const SampleGrid& grid,
-                 PeerLoop loop, float* transfer) const {
+Peer::Tree& Peer::tree_of(const PeerSetup& setup, const Assembly& all) {
+    std::unique_ptr<Tree>& place = trees_[setup.rebuild];
+    if (place) return *place;
+    const std::string config = "threads=" + std::to_string(threads_);
+    auto made = std::make_unique<Tree>(
+        Tree{{rtcNewDevice(config.c_str()), rtcReleaseDevice}, {nullptr, rtcReleaseScene}, nullptr, nullptr});
+    Tree& tree = *made;
+    if (!tree.device) {
+        throw Failure("Embree", "cannot be started; this machine or its installation lacks what it needs");
+    }
+    RTCDevice device = tree.device.get();
+    if (!setup.rebuild) rtcSetDeviceMemoryMonitorFunction(device, count_memory, &counted_);
+    const FlushDenormals guard;
+    tree.scene.reset(rtcNewScene(device));
+    if (!setup.rebuild) rtcSetSceneFlags(tree.scene.get(), RTC_SCENE_FLAG_DYNAMIC);
+    rtcSetSceneBuildQuality(tree.scene.get(),
+                            setup.rebuild ? RTC_BUILD_QUALITY_MEDIUM : RTC_BUILD_QUALITY_LOW);
+    const size_t triangles = all.indices.size() / 3;
+    if (triangles > 0) {
+        tree.geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
+        rtcSetGeometryBuildQuality(tree.geometry,
+                                   setup.rebuild ? RTC_BUILD_QUALITY_MEDIUM : RTC_BUILD_QUALITY_REFIT);
+        tree.positions = rtcSetNewGeometryBuffer(tree.geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                                                 sizeof(glm::vec3), all.positions.size());
+        void* indices = rtcSetNewGeometryBuffer(tree.geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                                                3 * sizeof(uint32_t), triangles);
+        if (tree.positions && indices) {
+            std::memcpy(tree.positions, all.positions.data(), all.positions.size() * sizeof(glm::vec3));
+            std::memcpy(indices, all.indices.data(), triangles * 3 * sizeof(uint32_t));
+            rtcCommitGeometry(tree.geometry);
+            rtcAttachGeometry(tree.scene.get(), tree.geometry);
+        }
+        rtcReleaseGeometry(tree.geometry); // the scene holds it
+        if (!tree.positions || !indices)
+            throw Failure("Embree",
+                          "has no memory for the scene; close other programs or use a smaller model");
+    }
+    const double start = wall_ms();
+    rtcCommitScene(tree.scene.get());
+    if (!setup.rebuild) build_ms_ = wall_ms() - start;
+    if (rtcGetDeviceError(device) != RTC_ERROR_NONE)
+        throw Failure("Embree",
+                      "could not build the scene, most likely for lack of memory; use a smaller model");
+    place = std::move(made);
+    return *place;
+}
+
+void Peer::update(const Tree& tree, const Assembly& all) const {
+    if (tree.geometry) {
+        std::memcpy(tree.positions, all.positions.data(), all.positions.size() * sizeof(glm::vec3));
+        rtcUpdateGeometryBuffer(tree.geometry, RTC_BUFFER_TYPE_VERTEX, 0);
+        rtcCommitGeometry(tree.geometry);
+    }
+    rtcCommitScene(tree.scene.get());
+}
+
+void Peer::tune(const Assembly& all, const std::vector<uint32_t>& receivers, const SampleGrid& grid) {
+    constexpr size_t timed = 192, run = 64;
+    constexpr int rounds = 2;
+    const std::vector<uint32_t> some = evenly(receivers, timed, run);
+    if (some.empty()) return;
+    std::vector<float> transfer(all.positions.size() * 25);
+    const FlushDenormals guard;
+    const clockid_t clock = threads_ > 1 ? CLOCK_PROCESS_CPUTIME_ID : CLOCK_THREAD_CPUTIME_ID;
+    Bounds bounds;
+    grow(bounds, all.positions);
+    diagonal_ = diagonal(bounds);
+    double best[4];
+    std::fill(std::begin(best), std::end(best), INFINITY);
+    for (int round = 0; round < rounds; ++round) {
+        for (int number = 0; number < 4; ++number) {
+            const PeerSetup setup{(number & 1) != 0, (number & 2) != 0};
+            const Tree& tree = tree_of(setup, all);
+            const double start = cpu_ms(clock);
+            update(tree, all);
+            const double updated = cpu_ms(clock), traced_from = cpu_ms();
+            for (size_t k = 0; k < some.size(); k += batch)
+                trace(tree, setup.coherent, all, &some[k],
+                      static_cast<uint32_t>(std::min<size_t>(batch, some.size() - k)), grid,
+                      PeerLoop::packets, transfer.data());
+            const double each = (updated - start) / static_cast<double>(receivers.size()) +
+                                (cpu_ms() - traced_from) / static_cast<double>(some.size());
+            if (each < best[number]) best[number] = each;
+        }
+    }
+    const auto number = std::min_element(std::begin(best), std::end(best)) - std::begin(best);
+    setups_[grid.side] = {(number & 1) != 0, (number & 2) != 0};
+}
+
+PeerSetup Peer::setup_of(const SampleGrid& grid) const {
+    const auto found = setups_.find(grid.side);
+    return found == setups_.end() ? PeerSetup{} : found->second;
+}
+
+void Peer::trace(const Tree& tree, bool coherent, const Assembly& all, const uint32_t* receivers,
+                 uint32_t count, const SampleGrid& grid, PeerLoop loop, float* transfer) const {
     const Arithmetic& compute = arithmetic();
     alignas(64) int valid[16];
     alignas(64) RTCRay16 rays;
@@ -162,7 +228,7 @@ void Peer::trace(const Assembly& all, const uint32_t* receivers, uint32_t count,
     }
     RTCIntersectContext context;
     rtcInitIntersectContext(&context);
-    context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+    context.flags = coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
     alignas(64) float total[32] = {};
     for (size_t i = 0; i < 25; ++i)
         total[i] = static_cast<float>(grid.total[i]);
@@ -201,7 +267,7 @@ void Peer::trace(const Assembly& all, const uint32_t* receivers, uint32_t count,
             compute.aim(frame, &grid.x[cell], &grid.y[cell], &grid.z[cell], rays);
             uint32_t bits = 0;
             if (loop == PeerLoop::packets) {
-                rtcOccluded16(valid, scene_.get(), &context, &rays);
+                rtcOccluded16(valid, tree.scene.get(), &context, &rays);
                 for (uint32_t k = 0; k < 16; ++k)
                     bits |= static_cast<uint32_t>(rays.tfar[k] < 0) << k;
             } else {
@@ -221,7 +287,7 @@ void Peer::trace(const Assembly& all, const uint32_t* receivers, uint32_t count,
                     ray.mask = ~0u;
                     ray.id = 0;
                     ray.flags = 0;
-                    rtcOccluded1(scene_.get(), &lone, &ray);
+                    rtcOccluded1(tree.scene.get(), &lone, &ray);
                     bits |= static_cast<uint32_t>(ray.tfar < 0) << k;
                 }
             }
@@ -247,20 +313,19 @@ PeerTime Peer::frame(const Assembly& all, const std::vector<uint32_t>& receivers
 
     PeerTime time;
     const FlushDenormals guard;
-    // Embree's threads are part of the refit's processor time; with one thread only this one counts.
+    // Embree's threads are part of the update's processor time; with one thread only this one counts.
     const clockid_t clock = threads_ > 1 ? CLOCK_PROCESS_CPUTIME_ID : CLOCK_THREAD_CPUTIME_ID;
+    const PeerSetup setup = setup_of(grid);
+    const Tree& tree = tree_of(setup, all);
     const double start = wall_ms(), start_cpu = cpu_ms(clock);
-    if (geometry_) {
-        std::memcpy(positions_, all.positions.data(), all.positions.size() * sizeof(glm::vec3));
-        rtcUpdateGeometryBuffer(geometry_, RTC_BUFFER_TYPE_VERTEX, 0);
-        rtcCommitGeometry(geometry_);
-    }
-    rtcCommitScene(scene_.get());
-    time.refit_ms = cpu_ms(clock) - start_cpu;
-    time.refit_wall_ms = wall_ms() - start;
+    update(tree, all);
+    time.update_ms = cpu_ms(clock) - start_cpu;
+    time.update_wall_ms = wall_ms() - start;
 
     struct Work {
         const Peer* peer;
+        const Tree* tree;
+        bool coherent;
         const Assembly* all;
         const std::vector<uint32_t>* receivers;
         const SampleGrid* grid;
@@ -277,12 +342,12 @@ PeerTime Peer::frame(const Assembly& all, const std::vector<uint32_t>& receivers
                 const size_t end = std::min(r + step, receivers->size());
                 for (size_t k = r; k < end; k += batch) {
                     const auto count = static_cast<uint32_t>(std::min<size_t>(batch, end - k));
-                    peer->trace(*all, receivers->data() + k, count, *grid, loop, transfer);
+                    peer->trace(*tree, coherent, *all, receivers->data() + k, count, *grid, loop, transfer);
                 }
             }
             cpu_ns += static_cast<int64_t>((cpu_ms() - begin) * 1e6);
         }
-    } work{this, &all, &receivers, &grid, loop, transfer.data()};
+    } work{this, &tree, setup.coherent, &all, &receivers, &grid, loop, transfer.data()};
     std::vector<void*> tickets;
     for (uint32_t k = 1; k < threads_; ++k)
         tickets.push_back(executor_.enqueue(
@@ -291,7 +356,7 @@ PeerTime Peer::frame(const Assembly& all, const std::vector<uint32_t>& receivers
     for (void* ticket : tickets)
         if (ticket) executor_.finish(executor_.user, ticket);
     time.wall_ms = wall_ms() - start;
-    time.cpu_ms = time.refit_ms + static_cast<double>(work.cpu_ns.load()) * 1e-6;
+    time.cpu_ms = time.update_ms + static_cast<double>(work.cpu_ns.load()) * 1e-6;
     bytes_ = static_cast<size_t>(std::max<int64_t>(counted_.load(), 0));
     return time;
 }

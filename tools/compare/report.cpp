@@ -133,7 +133,10 @@ Json to_json(const Entry& entry, const SceneReport& scene) {
     json["equal_error"] = {{"all", to_json(entry.peer_all, entry.us)},
                            {"clear", to_json(entry.peer_clear, entry.us)}};
     if (entry.stats) json["work"] = to_json(*entry.stats);
-    if (entry.kind == Kind::peer) json["refit_ms"] = to_json(entry.refit_ms);
+    if (entry.kind == Kind::peer) {
+        json["update_ms"] = to_json(entry.update_ms);
+        json["setup"] = entry.setup;
+    }
     json["worst"] = Json::array();
     for (const Worst& worst : entry.worst) {
         json["worst"].push_back({{"frame", worst.frame},
@@ -325,6 +328,7 @@ std::string terminal_table(const Comparison& comparison) {
                 out += " | x " + speedup(entry.peer_all, entry.us) + ", x " +
                        speedup(entry.peer_clear, entry.us);
             }
+            if (entry.kind == Kind::peer) out += " | " + entry.setup;
             out += '\n';
         }
         if (!scene.scaling.empty()) {
@@ -421,8 +425,8 @@ std::string markdown_tables(const Comparison& comparison) {
     out += "**Run time against error**: processor microseconds a vertex; mean relative L2 error of the "
            "transfer vector "
            "over *clear* receivers and over all (p99 in brackets); how many times longer the peer (Embree, "
-           "refitted "
-           "BVH, 4x4 packets, cell-integrated weights) takes to the same error on clear receivers, and over "
+           "tuned, BVH refitted or rebuilt, 4x4 packets, cell-integrated weights) takes to the same error on "
+           "clear receivers, and over "
            "all.\n\n";
     out += "| scene | quality | us a vertex | ms a frame | error, clear | error, all | Embree takes: clear | "
            "all |\n"

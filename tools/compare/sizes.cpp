@@ -40,6 +40,7 @@ std::vector<SizePoint> measure_sizes(const MeasureOptions& options, bool quick,
         const std::vector<uint32_t> chosen = evenly(receivers, peer_receivers, peer_run);
         Engine engine(scene, {options.threads, options.isa, {}}, "hand");
         Peer peer(all, options.threads);
+        peer.tune(all, receivers, grid);
 
         constexpr size_t ours = std::size(qualities);
         std::vector<double> us[ours + 1], wall[ours + 1];
@@ -58,8 +59,8 @@ std::vector<SizePoint> measure_sizes(const MeasureOptions& options, bool quick,
                 } else if (repeat > 0) {
                     const PeerTime time = peer.frame(all, chosen, grid, PeerLoop::packets, transfer);
                     const double scale = count / static_cast<double>(std::max<size_t>(chosen.size(), 1));
-                    cpu_ms = time.refit_ms + (time.cpu_ms - time.refit_ms) * scale;
-                    wall_ms = time.refit_wall_ms + (time.wall_ms - time.refit_wall_ms) * scale;
+                    cpu_ms = time.update_ms + (time.cpu_ms - time.update_ms) * scale;
+                    wall_ms = time.update_wall_ms + (time.wall_ms - time.update_wall_ms) * scale;
                 }
                 // The first round warms up.
                 if (repeat == 0) continue;
