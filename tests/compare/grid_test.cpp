@@ -1,4 +1,5 @@
 // The peer's sample grids and rotations, against closed forms.
+#include "kernels/kernels.h"
 #include "tools/compare/grid.h"
 #include "tools/trace/sh.h"
 
@@ -11,7 +12,8 @@ namespace nusselt::tools {
 namespace {
 
 TEST(Grid, CellsSumToTheHemisphere) {
-    for (const SampleGrid& grid : {concentric_grid(4), concentric_grid(32), disk_grid(32)}) {
+    for (const SampleGrid& grid : {concentric_grid(4), concentric_grid(32), scattered_grid(4),
+                                   scattered_grid(32, mask_rim, mask_middle), disk_grid(32)}) {
         for (size_t i = 0; i < 25; ++i) {
             double cells = 0, blocks = 0;
             for (size_t cell = 0; cell < grid.used.size(); ++cell)
@@ -31,6 +33,43 @@ TEST(Grid, SupersamplingIsFine) {
     for (size_t cell = 0; cell < grid.used.size(); ++cell)
         if (grid.x[cell] > 0) half += grid.weights[cell * 25];
     EXPECT_NEAR(half, grid.total[0] / 2, 1e-9);
+}
+
+TEST(Grid, ScatteredSamplesAreTheLibrarys) {
+    for (const uint32_t side : {32u, 64u}) {
+        const SampleGrid grid = scattered_grid(side, mask_rim, mask_middle);
+        const kernels::MaskLayout layout = side == 32 ? kernels::standard_layout : kernels::fine_layout;
+        ASSERT_EQ(layout.side, side);
+        for (uint32_t bit = 0; bit < side * side; ++bit) {
+            double direction[3];
+            ASSERT_TRUE(kernels::sample_direction(layout, bit, direction));
+            ASSERT_NEAR(grid.x[bit], direction[0], 1e-6) << bit;
+            ASSERT_NEAR(grid.y[bit], direction[1], 1e-6) << bit;
+            ASSERT_NEAR(grid.z[bit], direction[2], 1e-6) << bit;
+        }
+    }
+}
+
+TEST(Grid, ScatteredSamplesWeighWhatIsNearest) {
+    // A point of the hemisphere belongs to one sample; the weights of the first term are their shares of it.
+    const SampleGrid grid = scattered_grid(16);
+    std::mt19937 random(5);
+    std::uniform_real_distribution<double> value;
+    std::vector<double> share(256);
+    constexpr int points = 400'000;
+    for (int k = 0; k < points; ++k) {
+        const double r = std::sqrt(value(random)), p = 6.283185307179586 * value(random);
+        const double x = r * std::cos(p), y = r * std::sin(p), z = std::sqrt(1 - r * r);
+        size_t nearest = 0;
+        for (size_t cell = 1; cell < 256; ++cell)
+            if (x * grid.x[cell] + y * grid.y[cell] + z * grid.z[cell] >
+                x * grid.x[nearest] + y * grid.y[nearest] + z * grid.z[nearest])
+                nearest = cell;
+        share[nearest] += 1.0 / points;
+    }
+    for (size_t cell = 0; cell < 256; ++cell)
+        EXPECT_NEAR(grid.weights[cell * 25] / grid.total[0], share[cell], 6 * std::sqrt(0.004 / points))
+            << cell;
 }
 
 TEST(Grid, ConcentricCellsAreEqual) {

@@ -32,10 +32,34 @@ double height(double x, double y) {
     return std::sqrt(std::max(0.0, 1 - x * x - y * y));
 }
 
+struct Point {
+    double u, v;
+};
+
+// The cell among those around (column, row) whose sample is nearest to a direction.
+size_t nearest_cell(const SampleGrid& grid, int column, int row, double x, double y, double z) {
+    constexpr int window = 2;
+    const int side = static_cast<int>(grid.side);
+    size_t nearest = 0;
+    double most = -2;
+    for (int r = std::max(row - window, 0); r <= std::min(row + window, side - 1); ++r) {
+        for (int c = std::max(column - window, 0); c <= std::min(column + window, side - 1); ++c) {
+            const auto cell = static_cast<size_t>((r / 4 * (side / 4) + c / 4) * 16 + r % 4 * 4 + c % 4);
+            const double cosine = x * grid.x[cell] + y * grid.y[cell] + z * grid.z[cell];
+            if (cosine > most) {
+                most = cosine;
+                nearest = cell;
+            }
+        }
+    }
+    return nearest;
+}
+
 // `place` maps the unit square to the disk and says whether the point counts; `part` is the part of the disk
-// that the whole square stands for.
-template<class Place>
-SampleGrid make_grid(uint32_t side, double part, const Place& place) {
+// that the whole square stands for; `sample` says where in the square a cell's sample lies. A cell weighs
+// itself, or with `by_nearness` all that is nearer to its sample than to any other.
+template<class Place, class Sample>
+SampleGrid make_grid(uint32_t side, double part, const Place& place, const Sample& sample, bool by_nearness) {
     SampleGrid grid;
     grid.side = side;
     const size_t cells = size_t{side} * side;
@@ -43,29 +67,34 @@ SampleGrid make_grid(uint32_t side, double part, const Place& place) {
     grid.weights.assign(cells * 25, 0.0);
     grid.block.assign(cells * 2, 0.0f);
     const double fine = 1.0 / (double{supersamples} * side);
+    const auto column_of = [&](size_t cell) { return 4 * (cell / 16 % (side / 4)) + cell % 4; };
+    const auto row_of = [&](size_t cell) { return 4 * (cell / 16 / (side / 4)) + cell % 16 / 4; };
     for (size_t cell = 0; cell < cells; ++cell) {
-        const size_t blocks = side / 4, b = cell / 16, k = cell % 16;
-        const double row = static_cast<double>(4 * (b / blocks) + k / 4),
-                     column = static_cast<double>(4 * (b % blocks) + k % 4);
+        const Point at = sample(static_cast<uint32_t>(column_of(cell)), static_cast<uint32_t>(row_of(cell)));
         double x = 0, y = 0;
-        const bool used = place((column + 0.5) / side, (row + 0.5) / side, x, y);
+        const bool used = place(at.u, at.v, x, y);
         grid.used.push_back(used);
         grid.x.push_back(static_cast<float>(used ? x : 0));
         grid.y.push_back(static_cast<float>(used ? y : 0));
         grid.z.push_back(static_cast<float>(used ? height(x, y) : 1));
-        if (!used) continue;
-        double sum[25] = {};
+    }
+    for (size_t cell = 0; cell < cells; ++cell) {
+        if (!grid.used[cell]) continue;
+        const auto column = static_cast<double>(column_of(cell)), row = static_cast<double>(row_of(cell));
+        double x = 0, y = 0;
         for (uint32_t j = 0; j < supersamples * supersamples; ++j) {
             const double u = column / side + (j % supersamples + 0.5) * fine,
                          v = row / side + (j / supersamples + 0.5) * fine;
             if (!place(u, v, x, y)) continue;
             double basis[25];
-            sh_basis(x, y, height(x, y), basis);
-            for (int i = 0; i < 25; ++i)
-                sum[i] += basis[i];
+            const double z = height(x, y);
+            sh_basis(x, y, z, basis);
+            const size_t owner =
+                by_nearness ? nearest_cell(grid, static_cast<int>(column), static_cast<int>(row), x, y, z)
+                            : cell;
+            for (size_t i = 0; i < 25; ++i)
+                grid.weights[owner * 25 + i] += basis[i] * part * fine * fine;
         }
-        for (size_t i = 0; i < 25; ++i)
-            grid.weights[cell * 25 + i] = sum[i] * part * fine * fine;
     }
     // What the supersampling misses, and what unused cells hold, is spread evenly over the used ones: a
     // hemisphere that is all blocked is all dark.
@@ -211,19 +240,48 @@ NUSSELT_AVX2 void rotate_avx2(const SparseTurn& turn, const LaneRotation& r, con
 
 } // namespace
 
+namespace {
+
+bool to_disk(double u, double v, double& x, double& y) {
+    concentric(u, v, x, y);
+    return true;
+}
+
+// Where along its cell, in [0, 1), a row or column has its samples.
+double shift_of(uint32_t line) {
+    const double turns = (line + 0.5) * (std::numbers::phi - 1);
+    return turns - std::floor(turns);
+}
+
+} // namespace
+
 SampleGrid concentric_grid(uint32_t side) {
-    return make_grid(side, 1, [](double u, double v, double& x, double& y) {
-        concentric(u, v, x, y);
-        return true;
-    });
+    const auto centre = [&](uint32_t column, uint32_t row) {
+        return Point{(column + 0.5) / side, (row + 0.5) / side};
+    };
+    return make_grid(side, 1, to_disk, centre, false);
+}
+
+SampleGrid scattered_grid(uint32_t side, double rim, double middle) {
+    const auto sample = [&](uint32_t column, uint32_t row) {
+        const double far = side - rim, half = side / 2.0;
+        const double u = std::clamp(column + shift_of(row), rim, far);
+        const double v = std::clamp(row + shift_of(column), rim, far);
+        return Point{u / side, (v < half ? std::min(v, half - middle) : std::max(v, half + middle)) / side};
+    };
+    return make_grid(side, 1, to_disk, sample, true);
 }
 
 SampleGrid disk_grid(uint32_t side) {
-    return make_grid(side, 4 / std::numbers::pi, [](double u, double v, double& x, double& y) {
+    const auto place = [](double u, double v, double& x, double& y) {
         x = 2 * u - 1;
         y = 2 * v - 1;
         return x * x + y * y <= 1;
-    });
+    };
+    const auto centre = [&](uint32_t column, uint32_t row) {
+        return Point{(column + 0.5) / side, (row + 0.5) / side};
+    };
+    return make_grid(side, 4 / std::numbers::pi, place, centre, false);
 }
 
 void rotate_lanes(const LaneRotation& rotation, const float in[25][16], float out[25][16]) {

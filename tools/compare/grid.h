@@ -22,6 +22,13 @@ struct SampleGrid {
 // Sample points at the cells' centres under Shirley and Chiu's map of the square to the disk; every cell has
 // the same cosine-weighted solid angle.
 SampleGrid concentric_grid(uint32_t side);
+// As the library's masks: under the same map, each row and column of samples off its cells' centres by a
+// multiple of the golden ratio's fraction; a cell weighs what is nearer to its sample than to any other. No
+// sample lies nearer than `rim` cells to the horizon or `middle` cells to the line between the lower and
+// upper half of the rows: the library's masks keep mask_rim and mask_middle for their own reasons
+// (runtime/doc/adr/0004-samples.md); a tracer needs neither.
+constexpr double mask_rim = 0.2, mask_middle = 0.3;
+SampleGrid scattered_grid(uint32_t side, double rim = 0, double middle = 0);
 // The paper's: a square grid over the unit disk. Cells whose centre lies outside are unused; the others weigh
 // what they hold of the disk.
 SampleGrid disk_grid(uint32_t side);

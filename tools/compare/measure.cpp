@@ -22,7 +22,7 @@ namespace nusselt::tools {
 namespace {
 
 constexpr uint32_t ray_sides[] = {4, 8, 12, 16, 20, 24, 28, 32, 40, 64};
-constexpr uint32_t naive_side = 32;
+constexpr uint32_t naive_side = 32, centred_side = 32;
 constexpr size_t worst_kept = 12;
 
 // Counts what the library asks for.
@@ -85,11 +85,17 @@ std::string text_of(uint32_t number) {
 
 std::vector<Candidate> make_candidates(const MeasureOptions& options, const std::vector<Light>& lights) {
     // Grids are the same for all scenes of a run.
-    static std::map<uint32_t, SampleGrid> grids;
-    static const SampleGrid paper = disk_grid(32);
-    const auto grid_of = [&](uint32_t side) {
-        auto found = grids.find(side);
-        if (found == grids.end()) found = grids.emplace(side, concentric_grid(side)).first;
+    static std::map<uint32_t, SampleGrid> rays, masks;
+    static const SampleGrid paper = disk_grid(32), centred = concentric_grid(centred_side);
+    const auto ray_grid = [&](uint32_t side) {
+        auto found = rays.find(side);
+        if (found == rays.end()) found = rays.emplace(side, scattered_grid(side)).first;
+        return &found->second;
+    };
+    const auto mask_grid = [&](uint32_t side) {
+        auto found = masks.find(side);
+        if (found == masks.end())
+            found = masks.emplace(side, scattered_grid(side, mask_rim, mask_middle)).first;
         return &found->second;
     };
     std::vector<Candidate> candidates;
@@ -105,12 +111,15 @@ std::vector<Candidate> make_candidates(const MeasureOptions& options, const std:
         add(quality_name(quality), Kind::ours, quality_mask_bits(quality)).quality = quality;
     for (const uint32_t side : ray_sides)
         if (side * side <= options.most_peer_rays)
-            add("embree " + text_of(side * side), Kind::peer, side * side).grid = grid_of(side);
+            add("embree " + text_of(side * side), Kind::peer, side * side).grid = ray_grid(side);
+    if (centred_side * centred_side <= options.most_peer_rays)
+        add("embree 1024, cell centres", Kind::centred, 1024).grid = &centred;
     if (options.naive)
         add("naive " + text_of(naive_side * naive_side), Kind::naive, naive_side * naive_side).grid =
-            grid_of(naive_side);
+            ray_grid(naive_side);
     for (const uint32_t side : {16u, 32u, 64u})
-        add("floor " + text_of(side * side), Kind::floor, side * side).grid = grid_of(side);
+        add("floor " + text_of(side * side), Kind::floor, side * side).grid = mask_grid(side);
+    add("floor 1024, cell centres", Kind::floor, 1024).grid = &centred;
     add("floor disk 1024", Kind::floor, 1024).grid = &paper;
     Candidate& blocks = add("floor disk 1024, 4x4 blocks", Kind::floor, 1024);
     blocks.grid = &paper;
@@ -153,6 +162,7 @@ bool gather_errors(Candidate& candidate, const std::vector<Moment>& moments, Eng
             break;
         }
         case Kind::peer:
+        case Kind::centred:
         case Kind::naive: {
             const PeerTime time =
                 peer.frame(moment.all, moment.traced, *candidate.grid,
@@ -262,6 +272,8 @@ const char* kind_name(Kind kind) {
         return "ours";
     case Kind::peer:
         return "peer";
+    case Kind::centred:
+        return "centred";
     case Kind::naive:
         return "naive";
     case Kind::floor:

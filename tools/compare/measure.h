@@ -36,9 +36,10 @@ struct MeasureOptions {
 
 enum class Kind {
     ours,
-    peer,  // Embree, packets
-    naive, // Embree, one ray at a time
-    floor  // exact rays through a mask's own sample points: no time
+    peer,    // Embree, packets
+    centred, // the same through the centres of the cells, each weighing its cell: what better samples gain it
+    naive,   // Embree, one ray at a time
+    floor    // exact rays through a mask's own sample points: no time
 };
 const char* kind_name(Kind kind);
 

@@ -188,6 +188,8 @@ const curve = (scene, metric) => {
     pointRadius: 3, borderWidth: 1.5, named: true }];
   for (const e of of("ours")) sets.push({ label: e.name, data: [point(e)], borderColor: colors[e.name], backgroundColor: colors[e.name],
     pointRadius: 5, named: true });
+  for (const e of of("centred")) sets.push({ label: e.name, data: [point(e)], borderColor: gray, backgroundColor: "transparent", pointRadius: 4,
+    pointStyle: "rect", named: true });
   for (const e of of("naive")) sets.push({ label: e.name + " (one ray at a time)", data: [point(e)], borderColor: "#b08", backgroundColor: "#b08",
     pointRadius: 4, pointStyle: "triangle", named: true });
   const xs = timed.map(e => e.us_per_vertex.min), range = [Math.min(...xs) / 1.5, Math.max(...xs) * 1.5];

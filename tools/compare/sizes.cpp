@@ -24,7 +24,7 @@ constexpr Quality qualities[] = {Quality::paper, Quality::draft, Quality::standa
 
 std::vector<SizePoint> measure_sizes(const MeasureOptions& options, bool quick,
                                      const std::function<void(double, const char*)>& show) {
-    const SampleGrid grid = concentric_grid(peer_side);
+    const SampleGrid grid = scattered_grid(peer_side);
     // Triangles over those of the built-in scene, in steps of twice as many.
     const int first = -2, last = quick ? 1 : 3;
     std::vector<SizePoint> points;
