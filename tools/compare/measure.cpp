@@ -53,7 +53,8 @@ struct Candidate {
     std::vector<double> us, wall, update;
     FrameStats fastest;
     double fastest_us = 0;
-    double error_ms = 0;   // peer: wall time of the pass over a receiver of all moments that don't follow
+    double error_ms = 0; // peer: wall time of the pass over a receiver of all moments that don't follow
+    PeerSetup setup;
     uint32_t computed = 0; // ours: receivers of all these moments
 };
 
@@ -100,7 +101,8 @@ std::vector<Candidate> make_candidates(const MeasureOptions& options, const std:
     };
     std::vector<Candidate> candidates;
     const auto add = [&](std::string name, Kind kind, uint32_t samples) -> Candidate& {
-        Candidate candidate{{}, Quality::standard, nullptr, false, Gatherer(lights), {}, {}, {}, {}, 0, 0, 0};
+        Candidate candidate{{}, Quality::standard, nullptr, false, Gatherer(lights), {}, {}, {}, {}, 0, 0, {},
+                            0};
         candidate.entry.name = std::move(name);
         candidate.entry.kind = kind;
         candidate.entry.samples = samples;
@@ -146,12 +148,13 @@ std::vector<size_t> by_need(const std::vector<Candidate>& candidates) {
     return order;
 }
 
-// Errors of one candidate over all moments. False: stopped.
+// Errors of one candidate over all moments. False: stopped; no limit stops ours.
 bool gather_errors(Candidate& candidate, const std::vector<Moment>& moments, Engine& engine, Peer& peer,
                    const Limit& limit) {
     std::vector<float> now, before;
     for (uint32_t m = 0; m < moments.size(); ++m) {
-        if (limit.stop(errors_share)) return false;
+        if (candidate.entry.kind == Kind::ours ? interrupted().load() : limit.stop(errors_share))
+            return false;
         const Moment& moment = moments[m];
         if (moment.follows && !timed(candidate)) continue; // exact rays are slow, and nobody waits for them
         if (moment.follows) before = now;
@@ -340,15 +343,18 @@ SceneReport measure_scene(const scenes::Scene& scene, const MeasureOptions& opti
     report.peer_build_ms = peer->build_ms();
 
     std::vector<Candidate> candidates = make_candidates(options, lights);
+    const size_t wanted_candidates = candidates.size();
     // On the last pose: its BVH is refitted from the first.
-    std::map<uint32_t, PeerSetup> peer_setups;
-    for (Candidate& candidate : candidates) {
-        if (candidate.entry.kind != Kind::peer || interrupted()) continue;
-        show(0.5, "tuning Embree");
-        peer->tune(moments.back().all, moments.back().receivers, *candidate.grid);
-        peer_setups[candidate.entry.samples] = peer->setup_of(*candidate.grid);
-        candidate.entry.setup = setup_name(peer->setup_of(*candidate.grid));
-    }
+    show(0.5, "tuning Embree");
+    std::vector<const SampleGrid*> grids;
+    for (const Candidate& candidate : candidates)
+        if (candidate.entry.kind == Kind::peer) grids.push_back(candidate.grid);
+    if (!interrupted()) peer->tune(moments.back().all, moments.back().receivers, grids);
+    for (Candidate& candidate : candidates)
+        if (candidate.entry.kind == Kind::peer) {
+            candidate.setup = peer->setup_of(*candidate.grid);
+            candidate.entry.setup = setup_name(candidate.setup);
+        }
     {
         // What is not there, or was cut short, isn't told.
         std::vector<uint8_t> good(candidates.size());
@@ -368,14 +374,26 @@ SceneReport measure_scene(const scenes::Scene& scene, const MeasureOptions& opti
     }
 
     std::vector<std::vector<uint32_t>> chosen;
-    for (uint32_t repeat = 0; repeat <= options.repeats && !limit.stop(times_share); ++repeat) {
+    bool short_of_time = candidates.size() < wanted_candidates;
+    for (uint32_t repeat = 0; repeat <= options.repeats && !interrupted(); ++repeat) {
+        // Ours is timed at least once.
+        if (repeat > 1 && limit.past(times_share)) {
+            short_of_time = true;
+            break;
+        }
         show(0.65 + 0.3 * repeat / (options.repeats + 1.0), "times");
         // The first round warms up caches and allocations; the peer has none of its own.
         std::vector<float> transfer;
         const double start = wall_ms();
-        for (Candidate& candidate : candidates)
-            if (timed(candidate) && !limit.stop() && (repeat > 0 || candidate.entry.kind == Kind::ours))
+        for (Candidate& candidate : candidates) {
+            const bool ours = candidate.entry.kind == Kind::ours;
+            if (!timed(candidate) || interrupted() || (repeat == 0 && !ours)) continue;
+            if (ours || !limit.past(times_share)) {
                 time_candidate(candidate, moments, chosen, engine, *peer, transfer, repeat > 0);
+            } else {
+                short_of_time = true;
+            }
+        }
         if (repeat == 0) {
             const size_t count =
                 affordable_peer_receivers(candidates, moments, options, limit, wall_ms() - start);
@@ -386,15 +404,14 @@ SceneReport measure_scene(const scenes::Scene& scene, const MeasureOptions& opti
             report.repeats = repeat;
         }
     }
-    if (limit.past(errors_share) && report.repeats < options.repeats)
-        report.notes.push_back("the time limit cut it short");
+    if (limit.ms > 0 && short_of_time) report.notes.push_back("the time limit cut it short");
     for (const Candidate& candidate : candidates) {
         if (candidate.entry.kind == Kind::ours && !candidate.us.empty() &&
             candidate.fastest.receivers_computed != candidate.computed)
             report.notes.push_back(candidate.entry.name +
                                    ": the timed frames did less than whole frames; its times mean nothing");
     }
-    report.complete = !interrupted() && report.repeats == options.repeats;
+    report.complete = !interrupted() && !short_of_time;
     report.context_bytes = static_cast<uint64_t>(counter.bytes.load());
     report.peer_bytes = peer->bytes();
     // Embree limits TBB in the whole process to the threads of its device, which scaling must not inherit.
@@ -421,7 +438,7 @@ SceneReport measure_scene(const scenes::Scene& scene, const MeasureOptions& opti
         if (entry.kind != Kind::peer || candidate.us.empty()) continue;
         all_curve.push_back({entry.all.each.mean, entry.us.min});
         clear_curve.push_back({entry.clear.each.mean, entry.us.min});
-        if (!peer_setups[entry.samples].rebuild) report.peer_refit_ms = entry.update_ms.median;
+        if (!candidate.setup.rebuild) report.peer_refit_ms = entry.update_ms.median;
     }
     for (Candidate& candidate : candidates) {
         Entry& entry = candidate.entry;

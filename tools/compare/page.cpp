@@ -61,7 +61,7 @@ figcaption { font-size: 13px; color: var(--soft); }
 <p class="soft" id="machine"></p>
 <div id="warnings"></div>
 <p>Down and to the left is better. Each point is one way to get the same thing: 25 transfer coefficients a vertex, this
-frame. The line is Embree, at different numbers of rays: packets of 4x4 on the mask's own grid, the BVH refitted or rebuilt every frame,
+frame. The line is Embree, at different numbers of rays: packets of 4x4 through the mask's own samples, the BVH refitted or rebuilt every frame,
 cell-integrated weights. Rings mark the Pareto front. Errors are told against a reference of many more rays; what lies under
 its own noise isn't a finding. <em>Clear</em> receivers see at least a tenth of the sky and don't touch another surface; where
 surfaces touch, the truth itself flips.</p>
@@ -317,7 +317,7 @@ if (report.scenes.length > 1) {
     const some = e.error.clear.count > 0;
     for (const value of [e.error.clear.mean, e.error.clear.p99, e.error.clear.max]) cell(some ? percent(value) : "");
     cell(some && floor ? percent(floor.error.clear.mean) : "");
-    cell(some && floor && floor.error.clear.mean > 0 ? (e.error.clear.mean / floor.error.clear.mean).toFixed(2) : "");
+    cell(some && floor && !floor.error.clear.below_noise ? (e.error.clear.mean / floor.error.clear.mean).toFixed(2) : "");
     cell(percent(e.error.all.mean));
     cell(speedup(e, "clear"));
     cell(speedup(e, "all"));

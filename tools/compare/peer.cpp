@@ -175,7 +175,8 @@ void Peer::update(const Tree& tree, const Assembly& all) const {
     rtcCommitScene(tree.scene.get());
 }
 
-void Peer::tune(const Assembly& all, const std::vector<uint32_t>& receivers, const SampleGrid& grid) {
+void Peer::tune(const Assembly& all, const std::vector<uint32_t>& receivers,
+                const std::vector<const SampleGrid*>& grids) {
     constexpr size_t timed = 192, run = 64;
     constexpr int rounds = 2;
     const std::vector<uint32_t> some = evenly(receivers, timed, run);
@@ -186,26 +187,41 @@ void Peer::tune(const Assembly& all, const std::vector<uint32_t>& receivers, con
     Bounds bounds;
     grow(bounds, all.positions);
     diagonal_ = diagonal(bounds);
-    double best[4];
-    std::fill(std::begin(best), std::end(best), INFINITY);
-    for (int round = 0; round < rounds; ++round) {
-        for (int number = 0; number < 4; ++number) {
-            const PeerSetup setup{(number & 1) != 0, (number & 2) != 0};
-            const Tree& tree = tree_of(setup, all);
+    double update_ms[2] = {INFINITY, INFINITY};
+    for (const bool rebuild : {false, true}) {
+        const Tree& tree = tree_of({rebuild, false}, all);
+        for (int round = 0; round < rounds; ++round) {
             const double start = cpu_ms(clock);
             update(tree, all);
-            const double updated = cpu_ms(clock), traced_from = cpu_ms();
-            for (size_t k = 0; k < some.size(); k += batch)
-                trace(tree, setup.coherent, all, &some[k],
-                      static_cast<uint32_t>(std::min<size_t>(batch, some.size() - k)), grid,
-                      PeerLoop::packets, transfer.data());
-            const double each = (updated - start) / static_cast<double>(receivers.size()) +
-                                (cpu_ms() - traced_from) / static_cast<double>(some.size());
-            if (each < best[number]) best[number] = each;
+            update_ms[rebuild] = std::min(update_ms[rebuild], cpu_ms(clock) - start);
         }
     }
-    const auto number = std::min_element(std::begin(best), std::end(best)) - std::begin(best);
-    setups_[grid.side] = {(number & 1) != 0, (number & 2) != 0};
+    for (const SampleGrid* grid : grids) {
+        double trace_ms[4];
+        std::fill(std::begin(trace_ms), std::end(trace_ms), INFINITY);
+        const auto setup_at = [](size_t number) { return PeerSetup{(number & 1) != 0, (number & 2) != 0}; };
+        for (int round = 0; round < rounds; ++round) {
+            for (size_t number = 0; number < std::size(trace_ms); ++number) {
+                const PeerSetup setup = setup_at(number);
+                const Tree& tree = tree_of(setup, all);
+                const double start = cpu_ms();
+                for (size_t k = 0; k < some.size(); k += batch)
+                    trace(tree, setup.coherent, all, &some[k],
+                          static_cast<uint32_t>(std::min<size_t>(batch, some.size() - k)), *grid,
+                          PeerLoop::packets, transfer.data());
+                trace_ms[number] = std::min(trace_ms[number], cpu_ms() - start);
+            }
+        }
+        double least = INFINITY;
+        for (size_t number = 0; number < std::size(trace_ms); ++number) {
+            const PeerSetup setup = setup_at(number);
+            const double each = update_ms[setup.rebuild] / static_cast<double>(receivers.size()) +
+                                trace_ms[number] / static_cast<double>(some.size());
+            if (each >= least) continue;
+            least = each;
+            setups_[grid->side] = setup;
+        }
+    }
 }
 
 PeerSetup Peer::setup_of(const SampleGrid& grid) const {

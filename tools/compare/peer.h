@@ -61,9 +61,10 @@ public:
     Peer(const Peer&) = delete;
     Peer& operator=(const Peer&) = delete;
 
-    // Times all setups on some of the receivers of a pose and takes the fastest for this grid from then on:
+    // Times all setups on some of the receivers of a pose and takes the fastest for each grid from then on:
     // the update shared among all receivers, and the tracing of one. Untuned: refitted, incoherent.
-    void tune(const Assembly& all, const std::vector<uint32_t>& receivers, const SampleGrid& grid);
+    void tune(const Assembly& all, const std::vector<uint32_t>& receivers,
+              const std::vector<const SampleGrid*>& grids);
     PeerSetup setup_of(const SampleGrid& grid) const;
 
     // One frame: new positions, the BVH's update, transfer vectors of `receivers` (vertex numbers) into

@@ -377,7 +377,7 @@ std::string summary_table(const Comparison& comparison) {
             continue;
         }
         const double times_floor =
-            floor && floor->clear.each.mean > 0 ? entry->clear.each.mean / floor->clear.each.mean : 0;
+            floor && !floor->clear.noisy ? entry->clear.each.mean / floor->clear.each.mean : 0;
         out += format(
             " %12s %5.0f%% |",
             (std::to_string(scene.reference_receivers) + "/" + std::to_string(scene.receivers)).c_str(),

@@ -40,7 +40,7 @@ std::vector<SizePoint> measure_sizes(const MeasureOptions& options, bool quick,
         const std::vector<uint32_t> chosen = evenly(receivers, peer_receivers, peer_run);
         Engine engine(scene, {options.threads, options.isa, {}}, "hand");
         Peer peer(all, options.threads);
-        peer.tune(all, receivers, grid);
+        peer.tune(all, receivers, {&grid});
 
         constexpr size_t ours = std::size(qualities);
         std::vector<double> us[ours + 1], wall[ours + 1];
