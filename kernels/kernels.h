@@ -74,6 +74,27 @@ constexpr uint32_t triangle_slots(uint32_t triangles) {
     return (triangles + 15) / 16 * 16;
 }
 
+// Parallel rays, one a lane, from `origin` along `direction` = cross(across[0], across[1]); all three are
+// unit and orthogonal, about. A sphere around the origins of the active ones.
+struct alignas(64) Rays {
+    float origin[3][lanes];
+    float across[2][3], direction[3];
+    float centre[3], radius;
+    uint32_t active;
+};
+
+// Of clusters first to end, those that the rays may meet. Conservative. As SelectClusters otherwise.
+using SelectAlong = uint32_t (*)(const Rays& rays, const ClusterBounds& clusters, uint32_t first,
+                                 uint32_t end, uint32_t* selected);
+
+// Adds to winding[lane] how often the ray leaves through a triangle of the cluster (seen from behind), less
+// how often it enters through one. Summed over a closed surface that is how often it winds around the origin.
+// No ray slips between two triangles at their edge, or meets both: the edge has the same value for both but
+// for its sign, and where it is 0 the edge's direction decides. Triangles whose plane passes the origin
+// within 4e-6 do not count.
+using CountCrossings = void (*)(const Rays& rays, const ClusterView& cluster, const float* points,
+                                int32_t winding[lanes]);
+
 // Rasterisation jobs of half masks: mask half `destination` |= AND of the half-spaces of three entries.
 // Arrays of `job_capacity`, plus 16 of slack.
 struct JobList {
@@ -151,6 +172,8 @@ struct Kernels {
     ClusterJobs cluster_jobs;
     TriangleJobs triangle_jobs;
     FanJobs fan_jobs;
+    SelectAlong select_along;
+    CountCrossings count_crossings;
     RunJobs run_jobs;
     Integrate integrate;
     Rotate rotate;

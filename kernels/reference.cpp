@@ -153,6 +153,59 @@ uint32_t select_clusters(const ReceiverBounds& receivers, const ClusterBounds& c
     return count;
 }
 
+// Whether the rays may meet a sphere.
+bool meets(const Rays& rays, float cx, float cy, float cz, float radius) {
+    const float x = cx - rays.centre[0], y = cy - rays.centre[1], z = cz - rays.centre[2];
+    const float square = x * x + y * y + z * z;
+    const float along = x * rays.direction[0] + y * rays.direction[1] + z * rays.direction[2];
+    // As in cluster_reach; the root of a difference of squares may be off by more.
+    const float reach = (radius + rays.radius) * 1.00001f + 1e-3f * std::sqrt(square);
+    return along + reach >= 0 && square - along * along <= reach * reach;
+}
+
+uint32_t select_along(const Rays& rays, const ClusterBounds& clusters, uint32_t first, uint32_t end,
+                      uint32_t* selected) {
+    uint32_t count = 0;
+    for (uint32_t c = first; c < end; ++c) {
+        if (meets(rays, clusters.centre[0][c], clusters.centre[1][c], clusters.centre[2][c],
+                  clusters.radius[c]))
+            selected[count++] = c;
+    }
+    return count;
+}
+
+void count_crossings(const Rays& rays, const ClusterView& cluster, const float* points,
+                     int32_t winding[lanes]) {
+    constexpr float margin = 4e-6f;
+    const uint32_t slots = triangle_slots(cluster.triangle_count);
+    for (uint32_t t = 0; t < cluster.triangle_count; ++t) {
+        const auto bound = [&](uint32_t array) { return cluster.bounds[array * slots + t]; };
+        if (!meets(rays, bound(4), bound(5), bound(6), bound(7))) continue;
+        for (uint32_t lane = 0; lane < lanes; ++lane) {
+            if (!(rays.active >> lane & 1)) continue;
+            const auto along = [&](uint32_t axis, float x, float y, float z) {
+                return x * rays.across[axis][0] + y * rays.across[axis][1] + z * rays.across[axis][2];
+            };
+            const float ox = rays.origin[0][lane], oy = rays.origin[1][lane], oz = rays.origin[2][lane];
+            float u[3], v[3];
+            for (uint32_t k = 0; k < 3; ++k) {
+                const float* p = points + 4 * cluster.vertices[cluster.triangles[8 * t + k]];
+                u[k] = along(0, p[0], p[1], p[2]) - along(0, ox, oy, oz);
+                v[k] = along(1, p[0], p[1], p[2]) - along(1, ox, oy, oz);
+            }
+            uint32_t left = 0; // edges that have the ray on their left
+            for (uint32_t k = 0; k < 3; ++k) {
+                const uint32_t n = (k + 1) % 3;
+                const float side = u[k] * v[n] - v[k] * u[n];
+                left += side > 0 || (side == 0 && (u[k] < u[n] || (u[k] == u[n] && v[k] < v[n])));
+            }
+            const float height = bound(0) * ox + bound(1) * oy + bound(2) * oz - bound(3);
+            if (left == 3 && height < -margin) ++winding[lane];
+            if (left == 0 && height > margin) --winding[lane];
+        }
+    }
+}
+
 bool in_band(const ClusterView& cluster, const Vec corner[3]) {
     float low = FLT_MAX, high = 0;
     for (uint32_t k = 0; k < 3; ++k) {
@@ -394,8 +447,8 @@ void evaluate_sh(const float* x, const float* y, const float* z, size_t count, f
 
 } // namespace
 
-const Kernels reference_kernels = {"scalar",      prepare_batch, select_clusters, cluster_jobs,
-                                   triangle_jobs, fan_jobs,      run_jobs,        integrate,
-                                   rotate,        downsample,    shade,           evaluate_sh};
+const Kernels reference_kernels = {"scalar", prepare_batch, select_clusters, cluster_jobs, triangle_jobs,
+                                   fan_jobs, select_along,  count_crossings, run_jobs,     integrate,
+                                   rotate,   downsample,    shade,           evaluate_sh};
 
 } // namespace nusselt::kernels

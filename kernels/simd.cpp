@@ -321,6 +321,110 @@ HWY_INLINE uint64_t visible_triangles(const ReceiverBounds& receivers, const Clu
     return cluster.triangle_count < 64 ? visible & ((1ull << cluster.triangle_count) - 1) : visible;
 }
 
+// `load` reads a register's spheres: centre 0 to 2, radius 3.
+template<class Load>
+HWY_INLINE M meets(const Rays& rays, const Load& load) {
+    const V x = hn::Sub(load(0), constant(rays.centre[0])), y = hn::Sub(load(1), constant(rays.centre[1])),
+            z = hn::Sub(load(2), constant(rays.centre[2]));
+    const V square = dot(x, y, z, x, y, z);
+    const V along =
+        dot(x, y, z, constant(rays.direction[0]), constant(rays.direction[1]), constant(rays.direction[2]));
+    const V reach = hn::Add(hn::Mul(hn::Add(load(3), constant(rays.radius)), constant(1.00001f)),
+                            hn::Mul(constant(1e-3f), hn::Sqrt(square)));
+    return hn::And(hn::Ge(hn::Add(along, reach), hn::Zero(df)),
+                   hn::Le(hn::Sub(square, hn::Mul(along, along)), hn::Mul(reach, reach)));
+}
+
+uint32_t select_along(const Rays& rays, const ClusterBounds& clusters, uint32_t first, uint32_t end,
+                      uint32_t* selected) {
+    uint32_t count = 0;
+    for (uint32_t i = first; i < end; i += width) {
+        const auto load = [&](uint32_t array) HWY_ATTR {
+            return hn::LoadU(df, (array < 3 ? clusters.centre[array] : clusters.radius) + i);
+        };
+        const uint32_t kept = bits_of(hn::And(meets(rays, load), hn::FirstN(df, end - i)));
+        if (!kept) continue;
+        hn::StoreU(compress(hn::Iota(du, i), kept), du, selected + count);
+        count += static_cast<uint32_t>(__builtin_popcount(kept));
+    }
+    return count;
+}
+
+void count_crossings(const Rays& rays, const ClusterView& cluster, const float* points,
+                     int32_t winding[lanes]) {
+    const uint32_t slots = triangle_slots(cluster.triangle_count);
+    uint64_t met = 0;
+    for (uint32_t t = 0; t < slots; t += width) {
+        const auto load = [&](uint32_t array)
+                              HWY_ATTR { return hn::LoadU(df, cluster.bounds + (4 + array) * slots + t); };
+        met |= uint64_t(bits_of(meets(rays, load))) << t;
+    }
+    if (cluster.triangle_count < 64) met &= (1ull << cluster.triangle_count) - 1;
+    if (!met) return;
+    uint32_t single[2];
+    for (uint32_t axis = 0; axis < 2; ++axis) {
+        const float* unit = rays.across[axis];
+        const uint32_t zeros =
+            uint32_t(unit[0] == 0) | uint32_t(unit[1] == 0) << 1 | uint32_t(unit[2] == 0) << 2;
+        single[axis] = zeros == 6 ? 0 : zeros == 5 ? 1 : zeros == 3 ? 2 : 3;
+    }
+    const auto across = [&](uint32_t axis, V x, V y, V z) HWY_ATTR {
+        const float* unit = rays.across[axis];
+        return dot(x, y, z, constant(unit[0]), constant(unit[1]), constant(unit[2]));
+    };
+    const V margin = constant(4e-6f), opposite = constant(-4e-6f), zero = hn::Zero(df);
+    for (uint32_t lane = 0; lane < lanes; lane += width) {
+        const uint32_t active = rays.active >> lane & chunk_bits;
+        if (!active) continue;
+        const V ox = hn::Load(df, rays.origin[0] + lane), oy = hn::Load(df, rays.origin[1] + lane),
+                oz = hn::Load(df, rays.origin[2] + lane);
+        const V start_u = across(0, ox, oy, oz), start_v = across(1, ox, oy, oz);
+        const M there = mask_of(active);
+        // Most rays run along an axis; a sum of its component and two zeros is the component.
+        const auto along = [&](uint32_t axis, const float* p) HWY_ATTR {
+            const float* unit = rays.across[axis];
+            const uint32_t only = single[axis];
+            return constant(only < 3 ? p[only] * unit[only]
+                                     : p[0] * unit[0] + p[1] * unit[1] + p[2] * unit[2]);
+        };
+        auto sum = hn::LoadU(di, winding + lane);
+        for (uint64_t rest = met; rest; rest &= rest - 1) {
+            const uint32_t t = static_cast<uint32_t>(__builtin_ctzll(rest));
+            const uint8_t* corner = cluster.triangles + 8 * t;
+            V u[3], v[3];
+            for (uint32_t k = 0; k < 3; ++k) {
+                const float* p = points + 4 * size_t(cluster.vertices[corner[k]]);
+                u[k] = hn::Sub(along(0, p), start_u);
+                v[k] = hn::Sub(along(1, p), start_v);
+            }
+            const auto side_of = [&](uint32_t k, uint32_t n)
+                                     HWY_ATTR { return hn::Sub(hn::Mul(u[k], v[n]), hn::Mul(v[k], u[n])); };
+            const V side[3] = {side_of(0, 1), side_of(1, 2), side_of(2, 0)};
+            const V low = hn::Min(hn::Min(side[0], side[1]), side[2]),
+                    high = hn::Max(hn::Max(side[0], side[1]), side[2]);
+            if (!bits_of(hn::Or(hn::Ge(low, zero), hn::Le(high, zero)))) continue;
+            M left[3];
+            for (uint32_t k = 0; k < 3; ++k) {
+                const uint32_t n = (k + 1) % 3;
+                const M forward = hn::Or(hn::Lt(u[k], u[n]), hn::And(hn::Eq(u[k], u[n]), hn::Lt(v[k], v[n])));
+                left[k] = hn::Or(hn::Gt(side[k], zero), hn::And(hn::Eq(side[k], zero), forward));
+            }
+            const M behind = hn::And(hn::And(left[0], left[1]), hn::And(left[2], there));
+            const M before = hn::AndNot(hn::Or(hn::Or(left[0], left[1]), left[2]), there);
+            const float* plane = cluster.bounds + t;
+            const V height = hn::Sub(
+                dot(constant(plane[0]), constant(plane[slots]), constant(plane[2 * slots]), ox, oy, oz),
+                constant(plane[3 * slots]));
+            const M leaves = hn::And(behind, hn::Lt(height, opposite));
+            const M enters = hn::And(before, hn::Gt(height, margin));
+            // A mask is -1 as a number.
+            sum = hn::Sub(sum, hn::VecFromMask(di, hn::RebindMask(di, leaves)));
+            sum = hn::Add(sum, hn::VecFromMask(di, hn::RebindMask(di, enters)));
+        }
+        hn::StoreU(sum, di, winding + lane);
+    }
+}
+
 template<PlaneMap map>
 void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float* points,
                      const MaskLayout& layout, float horizon, ClusterScratch& scratch, JobList& jobs,
@@ -745,8 +849,9 @@ constexpr const char* set_name() {
 } // namespace
 
 extern const Kernels table;
-const Kernels table = {set_name(), prepare_batch, select_clusters, cluster_jobs, triangle_jobs, fan_jobs,
-                       run_jobs,   integrate,     rotate,          downsample,   shade,         evaluate_sh};
+const Kernels table = {set_name(), prepare_batch, select_clusters, cluster_jobs, triangle_jobs,
+                       fan_jobs,   select_along,  count_crossings, run_jobs,     integrate,
+                       rotate,     downsample,    shade,           evaluate_sh};
 
 } // namespace HWY_NAMESPACE
 } // namespace nusselt::kernels

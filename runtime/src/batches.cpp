@@ -1,5 +1,7 @@
 #include "batches.h"
 
+#include "inside.h"
+
 #include <algorithm>
 #include <bit>
 #include <cstring>
@@ -171,11 +173,31 @@ void load_batch(const Frame& frame, const MeshSlice& slice, const uint32_t* rece
 }
 
 void shadow_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
-                  const Batch& batch, const uint32_t* candidates, uint32_t candidate_count, Worker& worker,
+                  Batch& batch, const uint32_t* candidates, uint32_t candidate_count, Worker& worker,
                   StageClock& clock) {
     const Kernels& k = *frame.kernels;
     const Tables& tables = *frame.tables;
     Counters& counters = worker.tally.counters;
+    worker.tally.receivers_computed += count;
+    worker.tally.receivers_invalid += count - static_cast<uint32_t>(std::popcount(batch.valid));
+    JobList jobs = job_list(worker);
+    const size_t mask_size = mask_bytes(tables.layout);
+    std::memset(worker.masks.data(), 0, lanes * mask_size);
+    if (frame.quality.paper) {
+        shadow_rings(frame, slice, receivers, batch, worker, jobs);
+    } else {
+        shadow_fans(frame, slice, receivers, batch, worker, jobs);
+    }
+    clock.lap(transform_stage);
+    k.run_jobs(tables, jobs, worker.masks.data());
+    clock.lap(raster_stage);
+
+    const uint32_t inside = find_inside(frame, batch, worker);
+    for (uint32_t lane = 0; lane < lanes; ++lane) {
+        if (inside >> lane & 1) std::memset(worker.masks.data() + lane * mask_size, 0xFF, mask_size);
+    }
+    batch.valid &= ~inside;
+    worker.tally.receivers_inside += static_cast<uint32_t>(std::popcount(inside));
     uint32_t selected = 0;
     if (batch.valid) {
         selected = k.select_clusters(batch.bounds, frame.cluster_bounds, candidates, candidate_count,
@@ -184,13 +206,6 @@ void shadow_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receiver
     worker.tally.clusters_rasterized += selected;
     clock.lap(cull_stage);
 
-    std::memset(worker.masks.data(), 0, size_t(lanes) * mask_bytes(tables.layout));
-    JobList jobs = job_list(worker);
-    if (frame.quality.paper) {
-        shadow_rings(frame, slice, receivers, batch, worker, jobs);
-    } else {
-        shadow_fans(frame, slice, receivers, batch, worker, jobs);
-    }
     if (frame.quality.paper) mark_vicinity(slice, receivers, batch, true, worker);
     for (uint32_t i = 0; i < selected; ++i) {
         const uint32_t c = worker.selected[i];
@@ -212,8 +227,6 @@ void shadow_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receiver
     finish_batch(frame, batch, worker, clock);
     store_batch(frame, slice, receivers, count, worker);
     if (frame.has_history) keep_batch(frame, slice, receivers, count, worker);
-    worker.tally.receivers_computed += count;
-    worker.tally.receivers_invalid += count - static_cast<uint32_t>(std::popcount(batch.valid));
     clock.lap(rotate_stage);
 }
 

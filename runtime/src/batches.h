@@ -23,11 +23,11 @@ void load_batch(const Frame& frame, const MeshSlice& slice, const uint32_t* rece
                 kernels::Batch& batch, Worker& worker);
 
 // A loaded batch's masks and transfer vectors, into the caller's arrays and the
-// history's. `candidates` are the clusters that
-// may matter to it (null: all). A receiver's result does not depend on who shares its batch.
+// history's. `candidates` are the clusters that may matter to it (null: all). Receivers inside closed parts
+// leave the batch. A receiver's result does not depend on who shares its batch.
 void shadow_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
-                  const kernels::Batch& batch, const uint32_t* candidates, uint32_t candidate_count,
-                  Worker& worker, StageClock& clock);
+                  kernels::Batch& batch, const uint32_t* candidates, uint32_t candidate_count, Worker& worker,
+                  StageClock& clock);
 
 // The same as if nothing blocked them.
 void open_batch(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,

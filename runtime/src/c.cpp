@@ -298,7 +298,9 @@ nusselt_status nusselt_wait(nusselt_context* context, nusselt_frame frame, nusse
                   s.receivers_unshadowed,
                   s.stale_frames_max,
                   0,
-                  s.stale_frames_mean};
+                  s.stale_frames_mean,
+                  s.receivers_inside,
+                  0};
     }
     return c_status(status);
 }

@@ -1,5 +1,6 @@
 #include "context_data.h"
 #include "history.h"
+#include "inside.h"
 #include "jobs/float_environment.h"
 #include "kernels/prepare.h"
 #include "layout.h"
@@ -188,6 +189,7 @@ void report(const Frame& frame, FrameStats& stats) {
         const Tally& t = w.tally;
         stats.receivers_computed += t.receivers_computed;
         stats.receivers_copied += t.receivers_copied;
+        stats.receivers_inside += t.receivers_inside;
         stats.receivers_reused += t.receivers_reused;
         stats.receivers_stale += t.receivers_stale;
         stats.receivers_unshadowed += t.receivers_unshadowed;
@@ -338,6 +340,7 @@ Status submit(Context* context, const FrameDesc& desc, FrameId* out) {
         uint32_t slot = desc.history.slot;
         frame = desc.history.generation ? context->frames[slot] : &free_frame(*context, slot);
         frame->tables = tables_of(*context, desc.quality);
+        if (frame->tables) choose_oblique(frame->tables->layout, frame->oblique);
         if (!frame->tables)
             return {StatusCode::out_of_memory,
                     "no frame started: no memory for the tables; free some and try again"};

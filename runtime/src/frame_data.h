@@ -23,6 +23,13 @@ constexpr uint32_t point_chunk = 1024; // vertices, or samples of a level, of on
 constexpr uint32_t job_flush =
     512; // jobs after which masks are worked on: the list stays in the nearest cache
 
+// A bit of the mask and its direction in the tangent frame.
+struct ObliqueSample {
+    uint32_t bit;
+    float direction[3];
+};
+constexpr uint32_t oblique_samples = 3;
+
 // Where a mesh's entries begin in the arrays of the frame.
 struct MeshSlice {
     const MeshData* mesh = nullptr;
@@ -40,7 +47,8 @@ struct Tally {
     kernels::Counters counters{};
     uint64_t clusters_tested = 0, clusters_rasterized = 0;
     uint32_t receivers_computed = 0, receivers_copied = 0, receivers_invalid = 0, receivers_written = 0;
-    uint32_t receivers_reused = 0, receivers_stale = 0, receivers_unshadowed = 0, stale_frames_max = 0;
+    uint32_t receivers_inside = 0, receivers_reused = 0, receivers_stale = 0, receivers_unshadowed = 0,
+             stale_frames_max = 0;
     uint64_t stale_frames_sum = 0;
     uint32_t triangles_invalid = 0, clusters_kept = 0;
     double cpu_ns = 0;
@@ -71,6 +79,7 @@ struct Worker {
     Vector<uint32_t> candidates, selected;
     Vector<float> points_before; // of a chunk (frames with a history)
     kernels::Batch batches[region_batches] = {};
+    kernels::Rays rays = {};
     alignas(64) float normal[3][kernels::lanes] = {};
     alignas(64) float local[25][kernels::lanes] = {};
     alignas(64) float turned[25][kernels::lanes] = {};
@@ -91,7 +100,7 @@ struct Crew {
 struct Frame {
     explicit Frame(const Allocator& a)
         : meshes(HostAllocator<MeshSlice>(a)), extents(HostAllocator<float>(a)),
-          level_errors(HostAllocator<LevelError>(a)), points(a),
+          level_errors(HostAllocator<LevelError>(a)), broken(HostAllocator<uint8_t>(a)), points(a),
           triangle_bounds(a), centre{FloatArray(a), FloatArray(a), FloatArray(a)},
           radius(a), cone{FloatArray(a), FloatArray(a), FloatArray(a)}, cone_cos(a), cone_sin(a),
           triangle_radius(a), nearest(a), farthest(a), views(HostAllocator<kernels::ClusterView>(a)),
@@ -114,8 +123,11 @@ struct Frame {
     float origin[3] = {}, scale = 1;
     Vector<float> extents;           // largest distance from the origin along an axis, by chunk of points
     Vector<LevelError> level_errors; // one a cluster
-    FloatArray points;               // 4 a welded vertex
-    FloatArray triangle_bounds;      // of each cluster in turn, see kernels::ClusterView
+    Vector<uint8_t> broken;          // of each cluster: a corner is not finite
+    ObliqueSample oblique[oblique_samples] = {};
+    bool any_closed = false;    // some mesh has a closed part
+    FloatArray points;          // 4 a welded vertex
+    FloatArray triangle_bounds; // of each cluster in turn, see kernels::ClusterView
     FloatArray centre[3], radius, cone[3], cone_cos, cone_sin;
     FloatArray triangle_radius;   // largest sphere around one of the cluster's triangles
     FloatArray nearest, farthest; // band of distances of the cluster's level

@@ -253,6 +253,15 @@ void gather_disturbed(void* context, uint32_t, uint32_t, uint32_t) {
                 h.disturbed_by[h.disturbed_count + i] = motion <= FLT_MAX ? motion : FLT_MAX;
             copy_bounds(h.before, c, h.disturbed, h.disturbed_count++);
             copy_bounds(frame, c, h.disturbed, h.disturbed_count++);
+            // Rays that look for receivers inside closed parts leave through back faces, at any distance.
+            // They stay well above the receiver's horizon.
+            const bool closed = c - slice.first_cluster < slice.mesh->closed_clusters;
+            for (uint32_t i = 1; closed && frame.any_closed && i <= 2; ++i) {
+                const uint32_t last = h.disturbed_count - i;
+                h.disturbed.cone_cos.data()[last] = -1;
+                h.disturbed.nearest.data()[last] = 0;
+                h.disturbed.farthest.data()[last] = FLT_MAX;
+            }
         }
     }
 }

@@ -21,6 +21,7 @@ uint32_t region_size(const Frame& frame) {
 void lay_out(Frame& frame) {
     frame.point_count = frame.point_chunks = frame.cluster_count = 0;
     frame.triangle_bounds_count = 0;
+    frame.any_closed = false;
     frame.region_count = frame.duplicate_chunks = 0;
     frame.region_size = region_size(frame);
     const auto regions = [&](uint32_t receivers) {
@@ -44,6 +45,7 @@ void lay_out(Frame& frame) {
         frame.point_count += points;
         frame.point_chunks += (points + point_chunk - 1) / point_chunk;
         frame.cluster_count += s.clusters->count();
+        frame.any_closed |= !frame.quality.paper && s.mesh->closed_clusters > 0;
         for (uint32_t c = 0; c < s.clusters->count(); ++c) {
             const uint32_t triangles = s.clusters->triangle_begin[c + 1] - s.clusters->triangle_begin[c];
             frame.triangle_bounds_count += 8 * kernels::triangle_slots(triangles);
@@ -67,6 +69,7 @@ void grow(Frame& frame) {
     frame.nearest.resize(frame.cluster_count);
     frame.farthest.resize(frame.cluster_count);
     frame.level_errors.resize(frame.cluster_count);
+    frame.broken.resize(frame.cluster_count);
     frame.views.resize(frame.cluster_count);
     frame.cluster_mesh.resize(frame.cluster_count);
     frame.cluster_bounds_begin.resize(frame.cluster_count);

@@ -326,6 +326,9 @@ void build_mesh(const MeshDesc& desc, const LevelOptions& options, const Allocat
     build_coarse(builder, options, mesh);
     build_anchors(mesh);
 
+    while (mesh.closed_clusters < mesh.clusters.count() && mesh.clusters.level[mesh.closed_clusters] == 0 &&
+           !mesh.clusters.two_sided[mesh.closed_clusters])
+        ++mesh.closed_clusters;
     info.clusters = mesh.clusters.count();
     info.levels = 1;
     for (uint32_t c = 0; c < mesh.clusters.count(); ++c) {

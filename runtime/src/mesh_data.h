@@ -105,7 +105,8 @@ struct MeshData {
     Vector<uint8_t> full_two_sided; // one a full triangle
     Vector<uint32_t> anchor; // of each welded vertex, along the surface: a nearest vertex of the coarse mesh
 
-    Clusters clusters; // all levels
+    Clusters clusters;            // all levels
+    uint32_t closed_clusters = 0; // of them, the first: the full mesh of closed parts
     Clusters coarse_clusters;
     LevelSamples samples;
 };

@@ -229,6 +229,7 @@ void refit_clusters(void* context, uint32_t begin, uint32_t end, uint32_t slot) 
         kernels::ClusterView& view = frame.views[c];
         float* bounds = frame.triangle_bounds.data() + frame.cluster_bounds_begin[c];
         const uint32_t invalid = refit_triangles(points, clusters, own, bounds);
+        frame.broken[c] = invalid > 0;
         if (clusters.level[own] == 0) frame.workers[slot].tally.triangles_invalid += invalid;
         float centre[3] = {}, radius = 0, axis[3] = {}, cosine = -1;
         if (refit_sphere(points, clusters, own, centre, radius) && !view.two_sided)

@@ -182,6 +182,80 @@ TEST_F(Sets, SelectClusters) {
     EXPECT_LT(kept, looked_at * 9 / 10);
 }
 
+TEST_F(Sets, SelectAlongAndCountCrossings) {
+    uint64_t crossed = 0, met = 0;
+    for (uint64_t seed = 0; seed < 4000; ++seed) {
+        Random random(seed);
+        const BatchInput input = prepared(*reference, random, false);
+        ClusterInput cluster;
+        random_cluster(random, input.batch, false, cluster);
+        Rays rays{};
+        std::memcpy(rays.origin, input.batch.position, sizeof(rays.origin));
+        std::memcpy(rays.centre, input.batch.bounds.centre, sizeof(rays.centre));
+        rays.radius = input.batch.bounds.radius;
+        rays.active = random.below(0x10000);
+        const uint32_t axis = random.below(4); // 3: any direction
+        float direction[3] = {}, first[3];
+        if (axis < 3) {
+            direction[axis] = random.one_in(2) ? 1.0f : -1.0f;
+        } else {
+            // Towards the cluster's first corner: a ray that meets a vertex.
+            const float* p = cluster.points.get() + 4 * cluster.view.vertices[0];
+            const uint32_t lane = random.below(lanes);
+            float square = 0;
+            for (uint32_t i = 0; i < 3; ++i) {
+                direction[i] = p[i] - input.batch.position[i][lane];
+                square += direction[i] * direction[i];
+            }
+            for (float& d : direction)
+                d /= std::sqrt(square);
+            if (!(square > 0)) continue;
+        }
+        const uint32_t least = std::fabs(direction[0]) < 0.6f ? 0 : 1;
+        const float along = direction[least], size = std::sqrt(1 - along * along);
+        for (uint32_t i = 0; i < 3; ++i)
+            first[i] = ((i == least ? 1.0f : 0.0f) - along * direction[i]) / size;
+        for (uint32_t i = 0; i < 3; ++i) {
+            const uint32_t m = (i + 1) % 3, n = (i + 2) % 3;
+            rays.direction[i] = direction[i];
+            rays.across[0][i] = first[i];
+            rays.across[1][i] = direction[m] * first[n] - direction[n] * first[m];
+        }
+        int32_t a[lanes], b[lanes];
+        for (uint32_t lane = 0; lane < lanes; ++lane)
+            a[lane] = b[lane] = int32_t(lane) - 8; // added to
+        reference->count_crossings(rays, cluster.view, cluster.points.get(), a);
+        k->count_crossings(rays, cluster.view, cluster.points.get(), b);
+        for (uint32_t lane = 0; lane < lanes; ++lane) {
+            ASSERT_EQ(a[lane], b[lane]) << "seed " << seed << " lane " << lane;
+            crossed += a[lane] != int32_t(lane) - 8;
+        }
+        constexpr uint32_t count = 40;
+        AlignedArray<float> spheres[4];
+        for (auto& array : spheres) {
+            array = aligned_array<float>(count + 16);
+            for (uint32_t i = 0; i < count + 16; ++i)
+                array[i] = random.between(-1, 1);
+        }
+        for (uint32_t i = 0; i < count + 16; ++i)
+            spheres[3][i] = std::fabs(spheres[3][i]) * 0.3f;
+        ClusterBounds bounds{};
+        for (uint32_t i = 0; i < 3; ++i)
+            bounds.centre[i] = spheres[i].get();
+        bounds.radius = spheres[3].get();
+        const uint32_t begin = random.below(count), end = begin + random.below(count - begin + 1);
+        std::vector<uint32_t> from_a(count + 16), from_b(count + 16);
+        const uint32_t count_a = reference->select_along(rays, bounds, begin, end, from_a.data());
+        ASSERT_EQ(k->select_along(rays, bounds, begin, end, from_b.data()), count_a) << "seed " << seed;
+        from_a.resize(count_a);
+        from_b.resize(count_a);
+        ASSERT_EQ(from_a, from_b) << "seed " << seed;
+        met += count_a;
+    }
+    EXPECT_GT(crossed, 500u);
+    EXPECT_GT(met, 1000u);
+}
+
 TEST_F(Sets, ClusterJobs) {
     for (const NamedLayout& l : layouts) {
         const float horizon = horizon_tangent(l.layout);

@@ -215,6 +215,7 @@ typedef struct nusselt_frame_stats {
     uint32_t receivers_unneeded, receivers_copied, receivers_reused, clusters_kept;
     uint32_t receivers_stale, receivers_unshadowed, stale_frames_max, reserved; /* reserved: 0 */
     double stale_frames_mean;
+    uint32_t receivers_inside, reserved2; /* reserved2: 0 */
 } nusselt_frame_stats;
 
 nusselt_status nusselt_submit(nusselt_context* context, const nusselt_frame_desc* desc, nusselt_frame* out);

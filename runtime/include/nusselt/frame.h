@@ -65,12 +65,13 @@ struct FrameDesc {
 
 // Counts of work done and of work skipped, summed over the frame, and CPU time summed over threads.
 struct FrameStats {
-    uint32_t receivers = 0;            // vertices that asked for a transfer vector and need it
-    uint32_t receivers_unneeded = 0;   // vertices that asked, with their bit of FrameMesh::needed not set
-    uint32_t receivers_computed = 0;   // of `receivers`, through the kernels
-    uint32_t receivers_copied = 0;     // of `receivers`, with the position and normal of another one
-    uint32_t receivers_reused = 0;     // of `receivers`, unchanged since the history's last frame
-    uint32_t receivers_stale = 0;      // of `receivers`, with an earlier frame's result: the budget was spent
+    uint32_t receivers = 0;          // vertices that asked for a transfer vector and need it
+    uint32_t receivers_unneeded = 0; // vertices that asked, with their bit of FrameMesh::needed not set
+    uint32_t receivers_computed = 0; // of `receivers`, through the kernels
+    uint32_t receivers_copied = 0;   // of `receivers`, with the position and normal of another one
+    uint32_t receivers_inside = 0; // of those computed, inside a closed part: all blocked, nothing rasterised
+    uint32_t receivers_reused = 0; // of `receivers`, unchanged since the history's last frame
+    uint32_t receivers_stale = 0;  // of `receivers`, with an earlier frame's result: the budget was spent
     uint32_t receivers_unshadowed = 0; // of the stale, never computed yet
     uint32_t stale_frames_max = 0; // of the stale: for how many frames their results have not been up to date
     double stale_frames_mean = 0;

@@ -1,0 +1,141 @@
+#include "inside.h"
+
+#include <cmath>
+#include <cstring>
+
+namespace nusselt {
+
+namespace {
+
+using namespace kernels;
+
+// The lanes whose own ray may meet a sphere.
+uint32_t meeting(const Rays& rays, const float centre[3], float radius) {
+    uint32_t met = 0;
+    for (uint32_t lane = 0; lane < lanes; ++lane) {
+        float square = 0, along = 0;
+        for (uint32_t i = 0; i < 3; ++i) {
+            const float d = centre[i] - rays.origin[i][lane];
+            square += d * d;
+            along += d * rays.direction[i];
+        }
+        const float reach = radius * 1.00001f + 1e-3f * std::sqrt(square);
+        met |= uint32_t(along + reach >= 0 && square - along * along <= reach * reach) << lane;
+    }
+    return met & rays.active;
+}
+
+// What all closed parts wind around the rays' origins. Returns the lanes for which that is not known: their
+// ray may meet a broken triangle.
+uint32_t count_winding(const Frame& frame, Worker& worker, int32_t winding[lanes]) {
+    const Kernels& k = *frame.kernels;
+    uint32_t unknown = 0;
+    for (const MeshSlice& slice : frame.meshes) {
+        const uint32_t first = slice.first_cluster, end = first + slice.mesh->closed_clusters;
+        const uint32_t count =
+            k.select_along(worker.rays, frame.cluster_bounds, first, end, worker.selected.data());
+        const float* points = frame.points.data() + 4 * size_t(slice.first_point);
+        for (uint32_t i = 0; i < count; ++i) {
+            const uint32_t c = worker.selected[i];
+            const ClusterView& view = frame.views[c];
+            if (frame.broken[c]) unknown |= meeting(worker.rays, view.centre, view.radius);
+            k.count_crossings(worker.rays, view, points, winding);
+        }
+    }
+    return unknown;
+}
+
+void set_direction(const float direction[3], Rays& rays) {
+    uint32_t least = 0;
+    for (uint32_t i = 1; i < 3; ++i)
+        least = std::fabs(direction[i]) < std::fabs(direction[least]) ? i : least;
+    const uint32_t i = (least + 1) % 3, j = (least + 2) % 3;
+    const float length = std::sqrt(direction[i] * direction[i] + direction[j] * direction[j]);
+    float first[3] = {};
+    first[i] = direction[j] / length;
+    first[j] = -direction[i] / length;
+    for (uint32_t k = 0; k < 3; ++k) {
+        const uint32_t m = (k + 1) % 3, n = (k + 2) % 3;
+        rays.direction[k] = direction[k];
+        rays.across[0][k] = first[k];
+        rays.across[1][k] = direction[m] * first[n] - direction[n] * first[m];
+    }
+}
+
+bool is_set(const uint8_t* mask, uint32_t bit) {
+    return mask[bit / 8] >> (bit % 8) & 1;
+}
+
+bool oblique_agree(const Frame& frame, const Batch& batch, uint32_t lane, Worker& worker) {
+    const MaskLayout& layout = frame.tables->layout;
+    const uint8_t* mask = worker.masks.data() + size_t(lane) * mask_bytes(layout);
+    Rays& rays = worker.rays;
+    rays.active = 1u << lane;
+    rays.radius = 0;
+    for (uint32_t i = 0; i < 3; ++i)
+        rays.centre[i] = batch.position[i][lane];
+    bool asked = false;
+    for (const ObliqueSample& sample : frame.oblique) {
+        if (is_set(mask, sample.bit)) continue;
+        float direction[3];
+        for (uint32_t i = 0; i < 3; ++i) {
+            direction[i] = 0;
+            for (uint32_t row = 0; row < 3; ++row)
+                direction[i] += sample.direction[row] * batch.axis[row][i][lane];
+        }
+        set_direction(direction, rays);
+        int32_t winding[lanes] = {};
+        if (count_winding(frame, worker, winding) != 0 || winding[lane] <= 0) return false;
+        asked = true;
+    }
+    return asked;
+}
+
+} // namespace
+
+void choose_oblique(const MaskLayout& layout, ObliqueSample out[oblique_samples]) {
+    // Three tenths of the side from the middle, a third of a turn apart, about: elevations near 50 degrees.
+    constexpr float place[oblique_samples][2] = {{0.82f, 0.53f}, {0.29f, 0.74f}, {0.37f, 0.21f}};
+    for (uint32_t i = 0; i < oblique_samples; ++i) {
+        const uint32_t x = static_cast<uint32_t>(place[i][0] * float(layout.side)),
+                       y = static_cast<uint32_t>(place[i][1] * float(layout.side));
+        out[i].bit = (y / 4 * (layout.side / 4) + x / 4) * 16 + y % 4 * 4 + x % 4;
+        double direction[3];
+        sample_direction(layout, out[i].bit, direction);
+        for (uint32_t k = 0; k < 3; ++k)
+            out[i].direction[k] = static_cast<float>(direction[k]);
+    }
+}
+
+uint32_t find_inside(const Frame& frame, const Batch& batch, Worker& worker) {
+    if (!frame.any_closed || !batch.valid) return 0;
+    uint32_t members[6] = {}; // lanes whose normals lie nearest to each axis and its opposite
+    for (uint32_t lane = 0; lane < lanes; ++lane) {
+        if (!(batch.valid >> lane & 1)) continue;
+        const auto size = [&](uint32_t i) { return std::fabs(batch.axis[2][i][lane]); };
+        const uint32_t axis = size(0) >= size(1) && size(0) >= size(2) ? 0 : size(1) >= size(2) ? 1 : 2;
+        members[2 * axis + (batch.axis[2][axis][lane] < 0)] |= 1u << lane;
+    }
+    Rays& rays = worker.rays;
+    std::memcpy(rays.origin, batch.position, sizeof(rays.origin));
+    int32_t winding[lanes] = {};
+    uint32_t unknown = 0;
+    for (uint32_t side = 0; side < 6; ++side) {
+        if (!members[side]) continue;
+        float direction[3] = {};
+        direction[side / 2] = side % 2 ? -1.0f : 1.0f;
+        set_direction(direction, rays);
+        std::memcpy(rays.centre, batch.bounds.centre, sizeof(rays.centre));
+        rays.radius = batch.bounds.radius;
+        rays.active = members[side];
+        unknown |= count_winding(frame, worker, winding);
+    }
+    uint32_t inside = 0;
+    for (uint32_t lane = 0; lane < lanes; ++lane) {
+        if ((batch.valid & ~unknown) >> lane & 1 && winding[lane] > 0)
+            inside |= uint32_t(oblique_agree(frame, batch, lane, worker)) << lane;
+    }
+    return inside;
+}
+
+} // namespace nusselt
