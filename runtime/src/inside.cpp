@@ -94,7 +94,8 @@ bool oblique_agree(const Frame& frame, const Batch& batch, uint32_t lane, Worker
 } // namespace
 
 void choose_oblique(const MaskLayout& layout, ObliqueSample out[oblique_samples]) {
-    // Three tenths of the side from the middle, a third of a turn apart, about: elevations near 50 degrees.
+    // Three tenths of the side from the middle, a third of a turn apart, about: elevations of 50 to 60
+    // degrees.
     constexpr float place[oblique_samples][2] = {{0.82f, 0.53f}, {0.29f, 0.74f}, {0.37f, 0.21f}};
     for (uint32_t i = 0; i < oblique_samples; ++i) {
         const uint32_t x = static_cast<uint32_t>(place[i][0] * float(layout.side)),

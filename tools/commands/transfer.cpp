@@ -86,6 +86,8 @@ void run_transfer(const TransferOptions& options) {
     });
     stats["counts"] = {{"receivers", last.receivers},
                        {"receivers_computed", last.receivers_computed},
+                       {"receivers_copied", last.receivers_copied},
+                       {"receivers_inside", last.receivers_inside},
                        {"receivers_invalid", last.receivers_invalid},
                        {"clusters_tested", last.clusters_tested},
                        {"clusters_rasterized", last.clusters_rasterized},
