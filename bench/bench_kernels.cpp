@@ -3,6 +3,8 @@
 #include "bench/instructions.h"
 #include "bench/machine.h"
 #include "bench/recording.h"
+#include "kernels/light.h"
+#include "kernels/outputs.h"
 #include "nusselt/version.h"
 
 #include <benchmark/benchmark.h>
@@ -364,6 +366,99 @@ void add(const std::string& name, std::function<void(State&)> body) {
     benchmark::RegisterBenchmark(name.c_str(), [body](State& state) { body(state); });
 }
 
+Set set_of(const Kernels& k) {
+    uint32_t set = 0;
+    while (kernels_for(Set(set)) != &k)
+        ++set;
+    return Set(set);
+}
+
+// One stream of transfer vectors.
+void encode(State& state, const Kernels& k, Recording& r, Format format) {
+    const Encoding encoding{Quantity::transfer, format, 5, {1, 1, 1, 1, 1}};
+    Aligned<uint8_t> ours(lanes * most_encoded_bytes), theirs(lanes * most_encoded_bytes);
+    const auto run = [&](Set set, size_t b, Aligned<uint8_t>& out) {
+        output_kernels_for(set)->encode(encoding, r.batches[b], r.locals[b].values, out.data());
+    };
+    for (size_t b = 0; b < r.batches.size(); ++b) {
+        run(set_of(k), b, ours);
+        run(Set::scalar, b, theirs);
+        if (ours != theirs) return state.SkipWithError(wrong);
+    }
+    const OutputKernels& kernels = *output_kernels_for(set_of(k));
+    const auto once = [&](size_t b) {
+        kernels.encode(encoding, r.batches[b], r.locals[b].values, ours.data());
+    };
+    replay(state, k, {.inputs = r.batches.size(), .run = once, .items = of_batch});
+}
+
+// A hand of gold seen from the side, roughness 0.4, under glossy transfer or a sky of noise.
+struct Gold {
+    Aligned<float> memory, texels;
+    CellTables cells{};
+    SkyMap sky{};
+    Reflection reflections[lanes] = {};
+
+    explicit Gold(const Recording& r) {
+        const MaskLayout& layout = r.tables->layout;
+        memory.resize(cell_table_size(layout));
+        std::vector<double> weights(size_t(mask_bits(layout)) * 25);
+        cells = build_cell_tables(layout, r.tables->scale, reinterpret_cast<double(*)[25]>(weights.data()),
+                                  memory.data());
+        uint32_t count = 0;
+        for (uint32_t level = 0; level < sky_levels; ++level) {
+            sky.size[level] = 200 >> level;
+            sky.begin[level] = count;
+            count += sky.size[level] * sky.size[level];
+        }
+        texels.resize(size_t(count) * 4);
+        for (size_t i = 0; i < texels.size(); ++i)
+            texels[i] = i % 4 == 3 ? 0.0f : float(i % 97);
+        sky.texels = texels.data();
+        for (Reflection& reflection : reflections) {
+            reflection = {Lobe::ggx, 0, 0.16f, 0.9f, {0, 0, 0}, {1, 0.77f, 0.34f}, {0.48f, 0.36f, 0.8f}};
+        }
+    }
+};
+
+void glossy(State& state, const Kernels& k, Recording& r, uint32_t channels) {
+    const Gold gold(r);
+    struct alignas(64) Channels {
+        float values[3][25][lanes];
+    } ours = {}, theirs = {};
+    const auto run = [&](const LightKernels& kernels, size_t b, Channels& out) {
+        kernels.integrate_glossy(*r.tables, gold.cells, r.masks_of(b), r.batches[b].valid, gold.reflections,
+                                 channels, r.locals[b].values, out.values);
+    };
+    const LightKernels& kernels = *light_kernels_for(set_of(k));
+    for (size_t b = 0; b < r.batches.size(); ++b) {
+        run(kernels, b, ours);
+        run(*light_kernels_for(Set::scalar), b, theirs);
+        if (!same(&ours, &theirs, 1)) return state.SkipWithError(wrong);
+    }
+    replay(state, k,
+           {.inputs = r.batches.size(), .run = [&](size_t b) { run(kernels, b, ours); }, .items = of_batch});
+}
+
+void sky(State& state, const Kernels& k, Recording& r) {
+    const Gold gold(r);
+    struct alignas(64) Colours {
+        float values[3][lanes];
+    } ours = {}, theirs = {};
+    const auto run = [&](const LightKernels& kernels, size_t b, Colours& out) {
+        kernels.integrate_sky(*r.tables, gold.cells, gold.sky, r.batches[b], r.masks_of(b), nullptr,
+                              out.values);
+    };
+    const LightKernels& kernels = *light_kernels_for(set_of(k));
+    for (size_t b = 0; b < r.batches.size(); ++b) {
+        run(kernels, b, ours);
+        run(*light_kernels_for(Set::scalar), b, theirs);
+        if (!same(&ours, &theirs, 1)) return state.SkipWithError(wrong);
+    }
+    replay(state, k,
+           {.inputs = r.batches.size(), .run = [&](size_t b) { run(kernels, b, ours); }, .items = of_batch});
+}
+
 void register_all() {
     for (const size_t kilobytes : {32, 512, 2048, 8192}) {
         for (const bool random : {false, true}) {
@@ -416,6 +511,15 @@ void register_all() {
         {"downsample/standard", standard(downsample)},
         {"downsample/fine", fine(downsample)},
         {"shade/hand", standard(shade)},
+        {"encode/float16",
+         standard([](State& t, const Kernels& k, Recording& r) { encode(t, k, r, Format::float16); })},
+        {"encode/packed8",
+         standard([](State& t, const Kernels& k, Recording& r) { encode(t, k, r, Format::packed8); })},
+        {"integrate_glossy/grey",
+         standard([](State& t, const Kernels& k, Recording& r) { glossy(t, k, r, 1); })},
+        {"integrate_glossy/coloured",
+         standard([](State& t, const Kernels& k, Recording& r) { glossy(t, k, r, 3); })},
+        {"integrate_sky/standard", standard(sky)},
         {"evaluate_sh/sphere", [](State& state, const Kernels& k) { evaluate(state, k); }},
     };
     for (const auto& [name, body] : all) {

@@ -2,6 +2,8 @@
 // of the SIMD library's dispatch is linked and no global state is shared with another user of it in the
 // process.
 #include "kernels/kernels.h"
+#include "kernels/light_sets.h"
+#include "kernels/outputs_sets.h"
 #include "kernels/reference.h"
 #include "kernels/simd.h"
 
@@ -58,6 +60,44 @@ const Kernels* kernels_for(Set set) {
     if (set == Set::neon) return neon_kernels(); // part of the architecture
 #endif
     return nullptr;
+}
+
+const OutputKernels* output_kernels_for(Set set) {
+    if (!kernels_for(set)) return nullptr;
+    switch (set) {
+#if defined(__x86_64__)
+    case Set::sse4:
+        return sse4_output_kernels();
+    case Set::avx2:
+        return avx2_output_kernels();
+    case Set::avx512:
+        return avx512_output_kernels();
+#elif defined(__aarch64__)
+    case Set::neon:
+        return neon_output_kernels();
+#endif
+    default:
+        return &reference_output_kernels;
+    }
+}
+
+const LightKernels* light_kernels_for(Set set) {
+    if (!kernels_for(set)) return nullptr;
+    switch (set) {
+#if defined(__x86_64__)
+    case Set::sse4:
+        return sse4_light_kernels();
+    case Set::avx2:
+        return avx2_light_kernels();
+    case Set::avx512:
+        return avx512_light_kernels();
+#elif defined(__aarch64__)
+    case Set::neon:
+        return neon_light_kernels();
+#endif
+    default:
+        return &reference_light_kernels;
+    }
 }
 
 } // namespace nusselt::kernels

@@ -1,6 +1,7 @@
 // The tables, in double and without library functions beyond the square root, so that every machine makes the
 // same.
-#include "kernels/kernels.h"
+#include "kernels/light.h"
+#include "kernels/outputs.h"
 
 #include <algorithm>
 #include <cmath>
@@ -160,7 +161,7 @@ bool sample_direction(const MaskLayout& layout, uint32_t bit, double direction[3
 void build_plane_table(const MaskLayout& layout, uint32_t first_cell, uint32_t end_cell, uint8_t* planes) {
     const uint32_t bits = mask_bits(layout), bytes = mask_bytes(layout);
     double directions[max_mask_bits][3];
-    bool used[max_mask_bits];
+    bool used[max_mask_bits] = {};
     for (uint32_t bit = 0; bit < bits; ++bit)
         used[bit] = sample_direction(layout, bit, directions[bit]);
     for (uint32_t cell = first_cell; cell < end_cell; ++cell) {
@@ -183,7 +184,7 @@ void build_weights(const MaskLayout& layout, double (*weights)[25], int16_t* nib
                    int16_t* total, float* scale, float* block_weights) {
     const uint32_t block_count = mask_blocks(layout);
     double directions[max_mask_bits][3];
-    bool used[max_mask_bits];
+    bool used[max_mask_bits] = {};
     for (uint32_t bit = 0; bit < mask_bits(layout); ++bit)
         used[bit] = sample_direction(layout, bit, directions[bit]);
     cell_weights(layout, directions, used, weights);
@@ -242,6 +243,68 @@ void build_weights(const MaskLayout& layout, double (*weights)[25], int16_t* nib
     float* all = block_weights + size_t(block_count) * sh_columns;
     for (uint32_t i = 0; i < sh_columns; ++i)
         all[i] = i < 25 ? float(block_total[i]) : 0.0f;
+}
+
+uint32_t sky_level(double height) {
+    uint32_t level = 0;
+    for (double least = 0.70710678118654752; height < least && level + 1 < sky_levels; least /= 2)
+        ++level;
+    return level;
+}
+
+double sky_solid_angle(uint32_t mask_bits, uint32_t level) {
+    // The middle of the level's cells, between once and twice the least.
+    return 4 * quarter_pi / mask_bits * 1.4142135623730950 * (1u << level);
+}
+
+CellTables build_cell_tables(const MaskLayout& layout, const float* scale, double (*weights)[25],
+                             float* memory) {
+    const uint32_t bits = mask_bits(layout), blocks = mask_blocks(layout);
+    float* next = memory;
+    const auto take = [&next](size_t count) {
+        float* part = next;
+        next += count;
+        return part;
+    };
+    float* const bit_weights = take(size_t(bits) * sh_columns);
+    float* const share = take(bits);
+    auto* const level = reinterpret_cast<uint32_t*>(take(bits));
+    float* const direction[3] = {take(bits), take(bits), take(bits)};
+    float* const block_direction[3] = {take(blocks), take(blocks), take(blocks)};
+    double directions[max_mask_bits][3];
+    bool used[max_mask_bits] = {};
+    for (uint32_t bit = 0; bit < bits; ++bit)
+        used[bit] = sample_direction(layout, bit, directions[bit]);
+    cell_weights(layout, directions, used, weights);
+    // Of what a bit or a block stands for, the middle: the first band is the mean direction, times a
+    // constant. A sample that lies aside would be a worse place to know a BRDF or a light.
+    const auto middle_of = [](const double sum[3], uint32_t k) {
+        const double length = std::sqrt(sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]);
+        return float(length > 0 ? sum[k] / length : k == 2 ? 1.0 : 0.0);
+    };
+    for (uint32_t block = 0; block < blocks; ++block) {
+        double mean[3] = {};
+        for (uint32_t bit = block * 16; bit < block * 16 + 16; ++bit) {
+            const double* w = weights[bit];
+            const double own[3] = {w[3], w[1], w[2]};
+            for (uint32_t k = 0; k < 3; ++k) {
+                direction[k][bit] = middle_of(own, k);
+                mean[k] += own[k];
+            }
+            share[bit] = float(w[0] / double(open_first));
+            level[bit] = used[bit] ? sky_level(double(direction[2][bit])) : sky_levels;
+            for (uint32_t i = 0; i < sh_columns; ++i)
+                bit_weights[size_t(bit) * sh_columns + i] = i < 25 ? float(w[i] / double(scale[i])) : 0.0f;
+        }
+        for (uint32_t k = 0; k < 3; ++k)
+            block_direction[k][block] = middle_of(mean, k);
+    }
+    return {{direction[0], direction[1], direction[2]},
+            {block_direction[0], block_direction[1], block_direction[2]},
+            bit_weights,
+            share,
+            level,
+            sharpest_alpha(bits)};
 }
 
 float horizon_tangent(const MaskLayout& layout) {

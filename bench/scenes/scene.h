@@ -2,6 +2,7 @@
 // program, the benchmarks and the tests consume.
 #pragma once
 
+#include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
 
 #include <cstdint>
@@ -18,6 +19,9 @@ struct Mesh {
     std::vector<glm::vec3> rest_normals;   // unit, same count
     std::vector<uint32_t> indices;         // 3 a triangle, counter-clockwise outside
     std::vector<glm::vec3> albedo;         // linear RGB in [0, 1], per vertex
+    // glTF's metallic-roughness model, per vertex: (metallic, roughness), with albedo as the base colour.
+    // Empty: neither is known.
+    std::vector<glm::vec2> metallic_roughness;
 };
 
 // The scene at one moment, in world space: positions[mesh][vertex], normals[mesh][vertex] (unit length).

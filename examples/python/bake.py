@@ -40,13 +40,17 @@ class MeshDesc(c.Structure):
 
 class FrameMesh(c.Structure):
     _fields_ = [("mesh", Mesh), ("positions", View), ("normals", View), ("transfer", View), ("masks", View),
-                ("needed", c.c_void_p)]
+                ("needed", c.c_void_p), ("outputs", c.c_void_p), ("output_size", c.c_size_t),
+                ("output_count", c.c_uint32), ("receive_only", c.c_uint32), ("gloss", c.c_void_p),
+                ("gloss_size", c.c_size_t)]
 
 
 class FrameDesc(c.Structure):
     _fields_ = [("size", c.c_size_t), ("meshes", c.POINTER(FrameMesh)), ("mesh_size", c.c_size_t),
                 ("mesh_count", c.c_uint32), ("quality", c.c_uint32), ("order", c.c_uint32), ("same_pose", c.c_uint32),
-                ("origin", c.c_void_p), ("history", Mesh), ("budget_us", c.c_float)]
+                ("origin", c.c_void_p), ("history", Mesh), ("budget_us", c.c_float),
+                ("falloff_from", c.c_float), ("falloff_to", c.c_float), ("light", c.c_void_p),
+                ("environment", c.c_void_p)]
 
 
 class Nusselt:

@@ -1,5 +1,7 @@
 #include "batches.h"
 
+#include "falloff.h"
+#include "gloss.h"
 #include "inside.h"
 
 #include <algorithm>
@@ -119,18 +121,37 @@ void shadow_sheet(const Frame& frame, uint32_t cluster, const Batch& batch, Work
     }
 }
 
+// The caller's memory is only written to, each element once: it may be a GPU's.
 void store_batch(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
                  Worker& worker) {
     const uint32_t bytes = mask_bytes(frame.tables->layout);
+    uint32_t written = 0;
     for (uint32_t lane = 0; lane < count; ++lane) {
-        float* out = transfer_of(slice.in, receivers[lane]);
-        for (uint32_t i = 0; i < frame.order * frame.order; ++i)
-            out[i] = worker.turned[i][lane];
-        if (slice.in.masks.data)
-            std::memcpy(mask_of(slice.in, receivers[lane]), worker.masks.data() + size_t(lane) * bytes,
-                        bytes);
+        written += each_vertex(slice, receivers[lane], [&](uint32_t vertex) {
+            if (slice.in.transfer.data) {
+                float* out = transfer_of(slice.in, vertex);
+                for (uint32_t i = 0; i < frame.order * frame.order; ++i)
+                    out[i] = worker.turned[i][lane];
+            }
+            if (slice.in.masks.data)
+                std::memcpy(mask_of(slice.in, vertex), worker.masks.data() + size_t(lane) * bytes, bytes);
+        });
     }
-    worker.tally.receivers_written += count;
+    worker.tally.receivers_written += written;
+    worker.tally.receivers_copied += written - count;
+}
+
+// Encodes rows [term][lane] into the stream, `offset` bytes into each element.
+void store_rows(const Frame& frame, const OutputStream& stream, size_t offset, const float rows[][lanes],
+                const MeshSlice& slice, const uint32_t* receivers, uint32_t count, const Batch& batch,
+                Worker& worker) {
+    const uint32_t size = encoded_bytes(stream.encoding);
+    frame.output_kernels->encode(stream.encoding, batch, rows, worker.encoded);
+    for (uint32_t lane = 0; lane < count; ++lane) {
+        each_vertex(slice, receivers[lane], [&](uint32_t vertex) {
+            std::memcpy(stream.data + vertex * stream.stride + offset, worker.encoded + lane * size, size);
+        });
+    }
 }
 
 // Keeps a batch's results, for frames in which nothing changes for them.
@@ -148,14 +169,60 @@ void keep_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receivers,
 }
 
 // The masks' transfer vectors, turned to the caller's space.
-void finish_batch(const Frame& frame, const Batch& batch, Worker& worker, StageClock& clock) {
-    frame.kernels->integrate(*frame.tables, worker.masks.data(), batch.valid, frame.quality.paper,
-                             frame.order, worker.local, worker.tally.counters);
+void finish_batch(const Frame& frame, const MeshSlice& slice, const Batch& batch, Worker& worker,
+                  StageClock& clock) {
+    const uint32_t order = slice.in.output_count > 0 ? 5 : frame.order;
+    if (frame.shells.count > 0) {
+        integrate_shells(frame, batch, order, worker);
+    } else {
+        frame.kernels->integrate(*frame.tables, worker.masks.data(), batch.valid, frame.quality.paper, order,
+                                 worker.local, worker.tally.counters);
+    }
     clock.lap(integrate_stage);
-    frame.kernels->rotate(batch, frame.order, worker.local, worker.turned);
+    frame.kernels->rotate(batch, order, worker.local, worker.turned);
 }
 
 } // namespace
+
+bool repeats(const FrameMesh& mesh, uint32_t duplicate, uint32_t original) {
+    const uint16_t* const material = mesh.gloss ? mesh.gloss->material_of : nullptr;
+    return is_needed(mesh, duplicate) && is_needed(mesh, original) &&
+           (!material || material[duplicate] == material[original]) &&
+           std::memcmp(element(mesh.normals, duplicate), element(mesh.normals, original), 12) == 0;
+}
+
+void store_outputs(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
+                   const Batch& batch, Worker& worker) {
+    bool made = false; // worker.glossy
+    alignas(64) float rgb[3][lanes];
+    for (uint32_t k = 0; k < slice.in.output_count; ++k) {
+        const OutputStream& stream = frame.outputs[slice.first_output + k];
+        const Quantity quantity = stream.encoding.quantity;
+        if (!made && (quantity == Quantity::glossy || quantity == Quantity::radiance)) {
+            make_glossy(frame, slice, receivers, count, batch, worker);
+            made = true;
+        }
+        const auto store = [&](size_t offset, const float rows[][lanes]) {
+            store_rows(frame, stream, offset, rows, slice, receivers, count, batch, worker);
+        };
+        switch (quantity) {
+        case Quantity::glossy:
+            for (uint32_t c = 0; c < 3; ++c)
+                store(size_t(c) * encoded_bytes(stream.encoding), worker.glossy[c]);
+            break;
+        case Quantity::radiance:
+            frame.light_kernels->shade_batch(frame.light, worker.glossy, rgb);
+            store(0, rgb);
+            break;
+        case Quantity::direct:
+            make_direct(frame, slice, receivers, count, batch, worker, rgb);
+            store(0, rgb);
+            break;
+        default:
+            store(0, worker.turned);
+        }
+    }
+}
 
 void load_batch(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
                 Batch& batch, Worker& worker) {
@@ -182,8 +249,11 @@ void shadow_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receiver
     worker.tally.receivers_invalid += count - static_cast<uint32_t>(std::popcount(batch.valid));
     JobList jobs = job_list(worker);
     const size_t mask_size = mask_bytes(tables.layout);
-    std::memset(worker.masks.data(), 0, lanes * mask_size);
-    if (frame.quality.paper) {
+    const uint32_t shells = frame.shells.count;
+    std::memset(worker.masks.data(), 0, lanes * mask_size * std::max(shells, 1u));
+    if (slice.in.receive_only) {
+        // Not even of itself.
+    } else if (frame.quality.paper) {
         shadow_rings(frame, slice, receivers, batch, worker, jobs);
     } else {
         shadow_fans(frame, slice, receivers, batch, worker, jobs);
@@ -207,7 +277,8 @@ void shadow_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receiver
     clock.lap(cull_stage);
 
     if (frame.quality.paper) mark_vicinity(slice, receivers, batch, true, worker);
-    for (uint32_t i = 0; i < selected; ++i) {
+    if (shells > 0) raster_shells(frame, batch, selected, worker, jobs, clock);
+    for (uint32_t i = 0; shells == 0 && i < selected; ++i) {
         const uint32_t c = worker.selected[i];
         const MeshSlice& blocker = frame.meshes[frame.cluster_mesh[c]];
         if (frame.quality.paper && frame.views[c].two_sided) {
@@ -224,8 +295,10 @@ void shadow_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receiver
     if (frame.quality.paper) mark_vicinity(slice, receivers, batch, false, worker);
     k.run_jobs(tables, jobs, worker.masks.data());
     clock.lap(raster_stage);
-    finish_batch(frame, batch, worker, clock);
+    finish_batch(frame, slice, batch, worker, clock);
+    batch.valid |= inside; // their streams have normals
     store_batch(frame, slice, receivers, count, worker);
+    store_outputs(frame, slice, receivers, count, batch, worker);
     if (frame.has_history) keep_batch(frame, slice, receivers, count, worker);
     clock.lap(rotate_stage);
 }
@@ -233,8 +306,9 @@ void shadow_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receiver
 void open_batch(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
                 const Batch& batch, Worker& worker, StageClock& clock) {
     std::memset(worker.masks.data(), 0, size_t(lanes) * mask_bytes(frame.tables->layout));
-    finish_batch(frame, batch, worker, clock);
+    finish_batch(frame, slice, batch, worker, clock);
     store_batch(frame, slice, receivers, count, worker);
+    store_outputs(frame, slice, receivers, count, batch, worker);
     clock.lap(rotate_stage);
 }
 

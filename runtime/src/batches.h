@@ -18,6 +18,28 @@ struct StageClock {
     }
 };
 
+// A duplicate had the position and normal of another vertex when the mesh was added. It gets that one's
+// result, unless their normals or materials differ in this frame or nobody needs one of them.
+bool repeats(const FrameMesh& mesh, uint32_t duplicate, uint32_t original);
+
+// Writes to the vertices that get a receiver's result: itself, and those that repeat it. Returns how many.
+template<class Write>
+uint32_t each_vertex(const MeshSlice& slice, uint32_t receiver, const Write& write) {
+    const MeshData& mesh = *slice.mesh;
+    uint32_t count = 1;
+    write(receiver);
+    for (uint32_t k = mesh.duplicate_begin[receiver]; k < mesh.duplicate_begin[receiver + 1]; ++k) {
+        if (!repeats(slice.in, mesh.duplicates[k], receiver)) continue;
+        write(mesh.duplicates[k]);
+        ++count;
+    }
+    return count;
+}
+
+// Makes a batch's streams from worker.turned and, where they want them, its masks.
+void store_outputs(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
+                   const kernels::Batch& batch, Worker& worker);
+
 // Positions, normals and tangent frames of 1 to 16 receivers. Lanes without one repeat the first, invalid.
 void load_batch(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
                 kernels::Batch& batch, Worker& worker);

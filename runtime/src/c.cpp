@@ -4,6 +4,7 @@
 #include "nusselt/nusselt.h"
 
 #include <algorithm>
+#include <cstring>
 
 using namespace nusselt;
 
@@ -13,6 +14,16 @@ static_assert(NUSSELT_C_VERSION == NUSSELT_VERSION);
 static_assert(NUSSELT_CHANGED == static_cast<uint32_t>(StatusCode::changed));
 static_assert(NUSSELT_ISA_NEON == static_cast<uint32_t>(Isa::neon) + 1);
 static_assert(NUSSELT_QUALITY_FINE == static_cast<uint32_t>(Quality::fine) + 1);
+static_assert(NUSSELT_OUTPUT_DIRECT == static_cast<uint32_t>(OutputKind::direct));
+static_assert(NUSSELT_FORMAT_PACKED8 == static_cast<uint32_t>(OutputFormat::packed8));
+static_assert(NUSSELT_BRDF_GGX == static_cast<uint32_t>(Brdf::ggx));
+// The same structs in both languages: they are passed on as they are.
+static_assert(sizeof(nusselt_material) == sizeof(Material));
+static_assert(offsetof(nusselt_material, specular) == offsetof(Material, specular));
+static_assert(offsetof(nusselt_material, exponent) == offsetof(Material, exponent));
+static_assert(sizeof(nusselt_gloss) == sizeof(Gloss));
+static_assert(offsetof(nusselt_gloss, materials) == offsetof(Gloss, materials));
+static_assert(offsetof(nusselt_gloss, material_of) == offsetof(Gloss, material_of));
 static_assert(sizeof(MeshInfo::level_triangles) == sizeof(nusselt_mesh_info::level_triangles));
 
 nusselt_status c_status(const Status& status) {
@@ -71,9 +82,29 @@ Executor cpp(const nusselt_executor& e) {
     return {e.user, e.enqueue, e.finish, e.concurrency};
 }
 
-constexpr uint32_t most_on_stack = 64;
+constexpr uint32_t most_on_stack = 64, most_outputs_on_stack = 128;
 
-void convert(const nusselt_frame_desc& desc, FrameMesh* out) {
+uint32_t count_outputs(const nusselt_frame_desc& desc) {
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < desc.mesh_count; ++i)
+        count += desc.meshes[i].outputs ? desc.meshes[i].output_count : 0;
+    return count;
+}
+
+Output cpp(const nusselt_output& o) {
+    Output made;
+    made.kind = static_cast<OutputKind>(o.kind);
+    made.format = static_cast<OutputFormat>(o.format);
+    made.data = o.data;
+    made.count = o.count;
+    made.stride = o.stride;
+    made.bands = o.bands;
+    std::copy(std::begin(o.window), std::end(o.window), made.window);
+    return made;
+}
+
+// `outputs` has room for all of them.
+void convert(const nusselt_frame_desc& desc, FrameMesh* out, Output* outputs) {
     const size_t mask_stride = quality_mask_bits(quality_of(desc.quality)) / 8;
     for (uint32_t i = 0; i < desc.mesh_count; ++i) {
         const nusselt_frame_mesh& m = desc.meshes[i];
@@ -82,7 +113,13 @@ void convert(const nusselt_frame_desc& desc, FrameMesh* out) {
                   cpp(m.normals),
                   cpp(m.transfer),
                   {m.masks.data, m.masks.count, m.masks.stride ? m.masks.stride : mask_stride},
-                  m.needed};
+                  m.needed,
+                  m.outputs ? outputs : nullptr,
+                  m.output_count,
+                  reinterpret_cast<const Gloss*>(m.gloss),
+                  m.receive_only};
+        for (uint32_t k = 0; m.outputs && k < m.output_count; ++k)
+            *outputs++ = cpp(m.outputs[k]);
     }
 }
 
@@ -158,6 +195,14 @@ nusselt_status nusselt_add_mesh(nusselt_context* context, const nusselt_mesh_des
     return c_status(status);
 }
 
+nusselt_status nusselt_share_mesh(nusselt_context* context, nusselt_mesh mesh, nusselt_mesh* out) {
+    if (!out) return bad("mesh not shared: out is null; pass where to write the handle");
+    MeshId id;
+    const Status status = share_mesh(cpp(context), cpp(mesh), &id);
+    *out = {id.slot, id.generation};
+    return c_status(status);
+}
+
 nusselt_status nusselt_remove_mesh(nusselt_context* context, nusselt_mesh mesh) {
     return c_status(remove_mesh(cpp(context), cpp(mesh)));
 }
@@ -223,6 +268,12 @@ nusselt_status nusselt_submit(nusselt_context* context, const nusselt_frame_desc
     *out = {};
     nusselt_status size = check_size(sizeof(*desc), desc->size);
     if (size.code == NUSSELT_OK) size = check_size(sizeof(nusselt_frame_mesh), desc->mesh_size);
+    for (uint32_t i = 0; size.code == NUSSELT_OK && desc->meshes && i < desc->mesh_count; ++i) {
+        if (desc->meshes[i].output_count > 0)
+            size = check_size(sizeof(nusselt_output), desc->meshes[i].output_size);
+        if (size.code == NUSSELT_OK && desc->meshes[i].gloss)
+            size = check_size(sizeof(nusselt_gloss), desc->meshes[i].gloss_size);
+    }
     if (size.code != NUSSELT_OK) return size;
     FrameId id;
     FrameDesc frame{nullptr, desc->mesh_count, quality_of(desc->quality)};
@@ -231,19 +282,25 @@ nusselt_status nusselt_submit(nusselt_context* context, const nusselt_frame_desc
     frame.history = {desc->history.slot, desc->history.generation};
     frame.same_pose = desc->same_pose != 0;
     frame.budget_us = desc->budget_us;
+    frame.falloff = {desc->falloff_from, desc->falloff_to};
+    frame.light = desc->light;
+    frame.environment = reinterpret_cast<const Environment*>(desc->environment);
     Status status;
-    if (!desc->meshes || desc->mesh_count <= most_on_stack) {
+    const uint32_t outputs = desc->meshes ? count_outputs(*desc) : 0;
+    if (!desc->meshes) {
+        status = submit(cpp(context), frame, &id);
+    } else if (desc->mesh_count <= most_on_stack && outputs <= most_outputs_on_stack) {
         FrameMesh meshes[most_on_stack];
-        if (desc->meshes) {
-            convert(*desc, meshes);
-            frame.meshes = meshes;
-        }
+        Output made[most_outputs_on_stack];
+        convert(*desc, meshes, made);
+        frame.meshes = meshes;
         status = submit(cpp(context), frame, &id);
     } else {
         try {
             Vector<FrameMesh> meshes(desc->mesh_count, FrameMesh{},
                                      HostAllocator<FrameMesh>(cpp(context)->allocator));
-            convert(*desc, meshes.data());
+            Vector<Output> made(outputs, Output{}, HostAllocator<Output>(cpp(context)->allocator));
+            convert(*desc, meshes.data(), made.data());
             frame.meshes = meshes.data();
             status = submit(cpp(context), frame, &id);
         } catch (const std::bad_alloc&) {
@@ -317,6 +374,54 @@ nusselt_status nusselt_mark_visible(const nusselt_camera* camera, nusselt_vec3_v
     made.margin = camera->margin;
     made.back_faces = camera->back_faces != 0;
     return c_status(mark_visible(made, cpp(positions), indices, index_count, needed));
+}
+
+size_t nusselt_output_bytes(uint32_t kind, uint32_t format, uint32_t bands) {
+    return output_bytes(static_cast<OutputKind>(kind), static_cast<OutputFormat>(format), bands ? bands : 5);
+}
+
+void nusselt_unpack_transfer(const void* packed, uint32_t bands, float out[25]) {
+    unpack_transfer(packed, bands, out);
+}
+
+nusselt_status nusselt_create_environment(nusselt_context* context, const float* rgb, uint32_t width,
+                                          uint32_t height, uint32_t mask_bits, nusselt_environment** out,
+                                          uint64_t* bad_pixels) {
+    if (!out) return bad("no environment made: out is null; pass where to write it");
+    EnvironmentDesc desc{rgb, width, height, mask_bits ? mask_bits : 1024};
+    Environment* made = nullptr;
+    const Status status = create_environment(cpp(context), desc, &made, bad_pixels);
+    *out = reinterpret_cast<nusselt_environment*>(made);
+    return c_status(status);
+}
+
+void nusselt_destroy_environment(nusselt_context* context, nusselt_environment* environment) {
+    destroy_environment(cpp(context), reinterpret_cast<Environment*>(environment));
+}
+
+nusselt_material nusselt_metallic_roughness(const float base_color[3], float metallic, float roughness) {
+    const Material m = metallic_roughness(base_color, metallic, roughness);
+    nusselt_material out;
+    std::memcpy(&out, &m, sizeof(out));
+    return out;
+}
+
+float nusselt_sharpest_roughness(uint32_t mask_bits) {
+    return sharpest_roughness(mask_bits);
+}
+
+float nusselt_lobe_beyond_bands(const nusselt_material* material, uint32_t bands) {
+    Material m;
+    std::memcpy(static_cast<void*>(&m), material, sizeof(m));
+    return lobe_beyond_bands(m, bands);
+}
+
+void nusselt_sh_window(uint32_t window, float width, float out[5]) {
+    sh_window(static_cast<ShWindow>(window), width, out);
+}
+
+void nusselt_sh_apply_window(const float window[5], uint32_t channels, float* coefficients) {
+    sh_apply_window(window, channels, coefficients);
 }
 
 void nusselt_sh_evaluate(float x, float y, float z, float out[25]) {

@@ -1,6 +1,7 @@
 #include "context_data.h"
 #include "shared_tables.h"
 
+#include <algorithm>
 #include <cstdlib>
 #include <cstring>
 
@@ -77,6 +78,8 @@ Status create_context(const ContextDesc& desc, Context** out) {
         context->clock = desc.clock;
         context->isa = isa;
         context->kernels = kernels_of(isa);
+        context->output_kernels = kernels::output_kernels_for(static_cast<kernels::Set>(isa));
+        context->light_kernels = kernels::light_kernels_for(static_cast<kernels::Set>(isa));
         *out = context;
     } catch (const std::bad_alloc&) {
         return {StatusCode::out_of_memory,
@@ -98,8 +101,13 @@ Status destroy_context(Context* context) {
         unmake(context->allocator, frame);
     for (Crew* crew : context->crews)
         unmake(context->allocator, crew);
-    for (const MeshSlot& slot : context->meshes)
-        unmake(context->allocator, slot.data);
+    for (size_t i = 0; i < context->meshes.size(); ++i) {
+        MeshData* const data = context->meshes[i].data;
+        const auto shares = [&](const MeshSlot& other) { return other.data == data; };
+        if (data && std::none_of(context->meshes.begin() + static_cast<std::ptrdiff_t>(i) + 1,
+                                 context->meshes.end(), shares))
+            unmake(context->allocator, data);
+    }
     for (uint32_t q = 0; q < quality_count; ++q) {
         if (context->tables[q]) release_tables(static_cast<Quality>(q));
     }

@@ -8,6 +8,12 @@
 
 namespace nusselt {
 
+struct CellMemory {
+    explicit CellMemory(const Allocator& a) : memory(HostAllocator<float>(a)) {}
+    Vector<float> memory; // empty until used
+    kernels::CellTables tables{};
+};
+
 struct MeshSlot {
     MeshData* data = nullptr; // null: free
     MeshInfo info;
@@ -17,7 +23,8 @@ struct MeshSlot {
 
 struct Context {
     explicit Context(const Allocator& a)
-        : allocator(a), meshes(HostAllocator<MeshSlot>(a)), frames(HostAllocator<Frame*>(a)),
+        : allocator(a), cells{CellMemory(a), CellMemory(a), CellMemory(a), CellMemory(a)},
+          meshes(HostAllocator<MeshSlot>(a)), frames(HostAllocator<Frame*>(a)),
           crews(HostAllocator<Crew*>(a)) {}
 
     Allocator allocator;
@@ -26,7 +33,11 @@ struct Context {
     Profiler profiler;
     Clock clock;
     const kernels::Kernels* kernels = nullptr;
+    const kernels::OutputKernels* output_kernels = nullptr;
+    const kernels::LightKernels* light_kernels = nullptr;
     const kernels::Tables* tables[quality_count] = {}; // held once used
+
+    CellMemory cells[quality_count]; // for outputs that are made from masks
 
     std::mutex guard; // the slots and counts below; never held while a frame works
     Vector<MeshSlot> meshes;

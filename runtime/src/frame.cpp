@@ -1,4 +1,6 @@
 #include "context_data.h"
+#include "falloff.h"
+#include "gloss.h"
 #include "history.h"
 #include "inside.h"
 #include "jobs/float_environment.h"
@@ -16,6 +18,31 @@
 namespace nusselt {
 
 namespace {
+
+// The streams of a mesh, and what they need beside.
+Status check_outputs(const FrameMesh& m, const FrameDesc& desc, const QualitySettings& quality) {
+    const auto bad = [](const char* text) { return Status{StatusCode::invalid_argument, text}; };
+    if (m.output_count > 0 && !m.outputs)
+        return bad("no frame started: outputs are counted but null; give output_count of them");
+    for (uint32_t k = 0; k < m.output_count; ++k) {
+        const Output& output = m.outputs[k];
+        if (const Status status = check_output(output); !status.ok()) return status;
+        if (output.kind == OutputKind::glossy && !m.gloss)
+            return bad("no frame started: an output is glossy, but the mesh has no gloss; give one");
+        if (output.kind == OutputKind::radiance && !desc.light)
+            return bad("no frame started: an output is radiance, but the frame has no light; give one");
+        if (output.kind == OutputKind::direct &&
+            (!desc.environment || desc.environment->mask_bits != kernels::mask_bits(quality.layout)))
+            return bad(
+                "no frame started: an output is direct light, but the frame has no environment, or one for "
+                "masks of other bits; make one with the quality's mask bits");
+        if (desc.history.generation != 0 && (is_from_masks(output.kind, m.gloss) || desc.order < 5))
+            return bad(
+                "no frame started: a history keeps transfer vectors, but an output wants masks (glossy, "
+                "direct) or bands that the order lacks; use order 5 and other outputs, or no history");
+    }
+    return m.gloss ? check_gloss(*m.gloss) : Status{};
+}
 
 Status check(const FrameDesc& desc) {
     const auto bad = [](const char* text) { return Status{StatusCode::invalid_argument, text}; };
@@ -57,18 +84,23 @@ Status check(const FrameDesc& desc) {
             (m.masks.stride < kernels::mask_bytes(quality->layout) || m.masks.stride % 4 != 0))
             return bad("no frame started: the mask stride is too small for the quality, or no multiple of 4; "
                        "quality_mask_bits tells the size");
-        if (m.masks.data && !m.transfer.data)
-            return bad("no frame started: masks without transfer; a mesh that receives needs both");
+        if (const Status status = check_outputs(m, desc, *quality); !status.ok()) return status;
+        if (m.masks.data && !receives(m))
+            return bad("no frame started: masks without transfer or outputs; a mesh that receives has one of "
+                       "them");
         for (uint32_t k = 0; k < i; ++k) {
             if (desc.meshes[k].mesh.slot == m.mesh.slot)
                 return bad("no frame started: a mesh is in it twice; add it twice to draw it twice");
         }
     }
-    return {};
+    return check_falloff(desc);
 }
 
 bool counts_fit(const FrameMesh& m, bool same_pose, const MeshData& data) {
     const size_t count = data.vertex_count;
+    for (uint32_t k = 0; k < m.output_count; ++k) {
+        if (m.outputs[k].count != count) return false;
+    }
     return (same_pose || (m.positions.count == count && m.normals.count == count)) &&
            (!m.transfer.data || m.transfer.count == count) && (!m.masks.data || m.masks.count == count);
 }
@@ -212,7 +244,7 @@ void report(const Frame& frame, FrameStats& stats) {
     }
     stats.stale_frames_mean /= std::max(stats.receivers_stale, 1u);
     for (const MeshSlice& s : frame.meshes) {
-        if (!s.in.transfer.data) continue;
+        if (!receives(s.in)) continue;
         const uint32_t needed = needed_count(s);
         stats.receivers += needed;
         stats.receivers_unneeded += s.mesh->vertex_count - needed;
@@ -257,6 +289,41 @@ Status check_handles(Context& context, const FrameDesc& desc) {
     return {};
 }
 
+// The descriptions of all streams, so that the caller's may go away.
+void copy_outputs(Frame& frame) {
+    size_t count = 0;
+    for (const MeshSlice& s : frame.meshes)
+        count += s.in.output_count;
+    frame.outputs.resize(count);
+    uint32_t next = 0;
+    for (MeshSlice& s : frame.meshes) {
+        if (s.in.gloss) {
+            s.gloss = *s.in.gloss;
+            s.in.gloss = &s.gloss;
+        }
+        s.first_output = next;
+        for (uint32_t k = 0; k < s.in.output_count; ++k)
+            frame.outputs[next++] = make_stream(s.in.outputs[k]);
+    }
+}
+
+// The tables that outputs made from masks want, or null where there are none. Throws std::bad_alloc.
+const kernels::CellTables* cells_of(Context& context, Quality quality, const Frame& frame) {
+    const auto wants = [](const OutputStream& s) { return s.encoding.quantity >= kernels::Quantity::glossy; };
+    if (std::none_of(frame.outputs.begin(), frame.outputs.end(), wants)) return nullptr;
+    CellMemory& cells = context.cells[static_cast<uint32_t>(quality)];
+    if (cells.memory.empty()) {
+        const jobs::FloatEnvironment environment;
+        Vector<double> weights(size_t(kernels::mask_bits(frame.quality.layout)) * 25, 0.0,
+                               HostAllocator<double>(context.allocator));
+        cells.memory.resize(kernels::cell_table_size(frame.quality.layout));
+        cells.tables =
+            kernels::build_cell_tables(frame.quality.layout, frame.tables->scale,
+                                       reinterpret_cast<double(*)[25]>(weights.data()), cells.memory.data());
+    }
+    return &cells.tables;
+}
+
 // All that may fail for want of memory; the guard is held.
 void set_up(Context& context, const FrameDesc& desc, Frame& frame) {
     if (frame.has_history) compare_group(frame, desc);
@@ -265,6 +332,11 @@ void set_up(Context& context, const FrameDesc& desc, Frame& frame) {
     frame.quality = *quality_settings(desc.quality);
     frame.order = desc.order;
     frame.kernels = context.kernels;
+    frame.output_kernels = context.output_kernels;
+    frame.light_kernels = context.light_kernels;
+    frame.environment = desc.environment;
+    frame.shells = make_shells(desc.falloff);
+    if (desc.light) std::copy(desc.light, desc.light + 75, frame.light);
     frame.profiler = &context.profiler;
     frame.clock = &context.clock;
     frame.budget_ns = static_cast<uint64_t>(double(desc.budget_us) * 1000);
@@ -273,6 +345,8 @@ void set_up(Context& context, const FrameDesc& desc, Frame& frame) {
         frame.meshes[i].mesh = context.meshes[desc.meshes[i].mesh.slot].data;
         frame.meshes[i].in = desc.meshes[i];
     }
+    copy_outputs(frame);
+    frame.cells = cells_of(context, desc.quality, frame);
     lay_out(frame);
     grow(frame);
     if (!frame.has_history) return;
@@ -281,7 +355,7 @@ void set_up(Context& context, const FrameDesc& desc, Frame& frame) {
         if (!desc.same_pose) continue;
         s.in.positions = {};
         s.in.normals = {};
-        if (s.in.transfer.data)
+        if (receives(s.in))
             s.in.normals = {frame.history.normals.data() + 3 * size_t(s.first_vertex), s.mesh->vertex_count,
                             12};
     }

@@ -2,14 +2,17 @@
 // far.
 #pragma once
 
+#include "environment.h"
 #include "history_data.h"
 #include "jobs/graph.h"
 #include "kernels/kernels.h"
+#include "kernels/light.h"
 #include "memory.h"
 #include "mesh_data.h"
 #include "nusselt/clock.h"
 #include "nusselt/frame.h"
 #include "nusselt/profiler.h"
+#include "outputs.h"
 #include "quality.h"
 
 #include <atomic>
@@ -39,8 +42,21 @@ struct MeshSlice {
     uint32_t first_point = 0, first_point_chunk = 0;
     uint32_t first_cluster = 0;
     uint32_t first_region = 0, first_own_region = 0; // of receivers; from first_own_region on of duplicates
-    uint32_t first_duplicate_chunk = 0;
-    uint32_t first_vertex = 0; // in the history's arrays
+    uint32_t first_output = 0;                       // of in.output_count
+    Gloss gloss;                                     // what in.gloss points to
+    uint32_t first_vertex = 0;                       // in the history's arrays
+};
+
+inline bool receives(const FrameMesh& mesh) {
+    return mesh.transfer.data || mesh.output_count > 0;
+}
+
+// Balls around a receiver, and how much of the light blockers hide that lie in each and in none before it.
+constexpr uint32_t most_shells = 5;
+struct Shells {
+    uint32_t count = 0;             // 0: no falloff
+    float far[most_shells] = {};    // in the caller's unit, rising
+    float weight[most_shells] = {}; // falling from 1
 };
 
 struct Tally {
@@ -73,7 +89,7 @@ struct Worker {
           points_before(HostAllocator<float>(a)) {}
 
     Vector<kernels::ClusterScratch> scratch; // one
-    Vector<uint8_t> masks;                   // of a batch
+    Vector<uint8_t> masks;                   // of a batch, for each shell
     Vector<uint32_t> jobs;                   // the job list's four arrays
     Vector<uint16_t> near; // by welded vertex, one bit a lane (quality `paper`); zero between batches
     Vector<uint32_t> candidates, selected;
@@ -83,6 +99,8 @@ struct Worker {
     alignas(64) float normal[3][kernels::lanes] = {};
     alignas(64) float local[25][kernels::lanes] = {};
     alignas(64) float turned[25][kernels::lanes] = {};
+    alignas(64) float glossy[3][25][kernels::lanes] = {}; // by channel, where an output asks for it
+    alignas(64) uint8_t encoded[kernels::lanes * kernels::most_encoded_bytes] = {};
     Tally tally;
 };
 
@@ -99,8 +117,9 @@ struct Crew {
 
 struct Frame {
     explicit Frame(const Allocator& a)
-        : meshes(HostAllocator<MeshSlice>(a)), extents(HostAllocator<float>(a)),
-          level_errors(HostAllocator<LevelError>(a)), broken(HostAllocator<uint8_t>(a)), points(a),
+        : no_clusters(a), meshes(HostAllocator<MeshSlice>(a)), outputs(HostAllocator<OutputStream>(a)),
+          extents(HostAllocator<float>(a)), level_errors(HostAllocator<LevelError>(a)),
+          broken(HostAllocator<uint8_t>(a)), points(a),
           triangle_bounds(a), centre{FloatArray(a), FloatArray(a), FloatArray(a)},
           radius(a), cone{FloatArray(a), FloatArray(a), FloatArray(a)}, cone_cos(a), cone_sin(a),
           triangle_radius(a), nearest(a), farthest(a), views(HostAllocator<kernels::ClusterView>(a)),
@@ -109,14 +128,22 @@ struct Frame {
 
     // Fixed in `submit`.
     const kernels::Kernels* kernels = nullptr;
+    const kernels::OutputKernels* output_kernels = nullptr;
+    const kernels::LightKernels* light_kernels = nullptr;
     const Profiler* profiler = nullptr; // the context's
     const kernels::Tables* tables = nullptr;
+    const kernels::CellTables* cells = nullptr; // where an output is made from masks
+    float light[75] = {};
+    const Environment* environment = nullptr;
+    Shells shells;
     QualitySettings quality{};
-    uint32_t order = 5; // bands of the transfer vectors
+    uint32_t order = 5;   // bands of the transfer vectors
+    Clusters no_clusters; // of meshes that only receive
     Vector<MeshSlice> meshes;
+    Vector<OutputStream> outputs; // of all meshes in turn
     uint32_t point_count = 0, point_chunks = 0, cluster_count = 0, triangle_bounds_count = 0;
     uint32_t region_size = region_receivers; // receivers of a region, whole batches
-    uint32_t region_count = 0, duplicate_chunks = 0;
+    uint32_t region_count = 0;
 
     // Made by the tasks. Frame space: (position - origin) * scale, scale a power of two that brings the
     // extent near 1.

@@ -117,7 +117,7 @@ bool is_same_group(const Frame& frame, const FrameDesc& desc) {
         const FrameMesh& m = desc.meshes[i];
         const GroupMember& known = h.members[i];
         if (known.mesh.slot != m.mesh.slot || known.mesh.generation != m.mesh.generation ||
-            known.receives != (m.transfer.data != nullptr) || known.masks != (m.masks.data != nullptr))
+            known.receives != receives(m) || known.masks != (m.masks.data != nullptr))
             return false;
     }
     return true;
@@ -138,7 +138,7 @@ void meet_history(Frame& frame, const FrameDesc& desc) {
     uint32_t vertices = 0;
     bool masks = false;
     for (const MeshSlice& s : frame.meshes) {
-        if (!s.in.transfer.data) continue;
+        if (!receives(s.in)) continue;
         vertices = s.first_vertex + s.mesh->vertex_count;
         masks = masks || s.in.masks.data;
     }
@@ -165,7 +165,7 @@ void meet_history(Frame& frame, const FrameDesc& desc) {
     h.members.reserve(desc.mesh_count);
     for (uint32_t i = 0; i < desc.mesh_count; ++i) {
         const FrameMesh& m = desc.meshes[i];
-        h.members.push_back({m.mesh, m.transfer.data != nullptr, m.masks.data != nullptr});
+        h.members.push_back({m.mesh, receives(m), m.masks.data != nullptr});
     }
     h.quality = desc.quality;
     h.order = desc.order;
@@ -410,13 +410,32 @@ void order_turns(void* context, uint32_t, uint32_t, uint32_t) {
 
 namespace {
 
-void write_result(const Frame& frame, const MeshSlice& slice, uint32_t vertex) {
-    const size_t bytes = mask_bytes(frame.tables->layout), at = size_t(slice.first_vertex) + vertex;
+// A receiver's kept result, to all its vertices.
+void write_result(const Frame& frame, const MeshSlice& slice, uint32_t receiver, Tally& tally) {
+    const size_t bytes = mask_bytes(frame.tables->layout), at = size_t(slice.first_vertex) + receiver;
     const size_t terms = frame.order * frame.order;
-    std::memcpy(transfer_of(slice.in, vertex), frame.history.transfer.data() + terms * at,
-                terms * sizeof(float));
-    if (slice.in.masks.data)
-        std::memcpy(mask_of(slice.in, vertex), frame.history.masks.data() + bytes * at, bytes);
+    const uint32_t written = each_vertex(slice, receiver, [&](uint32_t vertex) {
+        if (slice.in.transfer.data)
+            std::memcpy(transfer_of(slice.in, vertex), frame.history.transfer.data() + terms * at,
+                        terms * sizeof(float));
+        if (slice.in.masks.data)
+            std::memcpy(mask_of(slice.in, vertex), frame.history.masks.data() + bytes * at, bytes);
+    });
+    tally.receivers_written += written;
+    tally.receivers_copied += written - 1;
+}
+
+// The streams of up to 16 receivers with kept results.
+void write_streams(Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
+                   Worker& worker) {
+    if (slice.in.output_count == 0 || count == 0) return;
+    load_batch(frame, slice, receivers, count, worker.batches[0], worker);
+    for (uint32_t lane = 0; lane < lanes; ++lane) {
+        const size_t at = size_t(slice.first_vertex) + receivers[lane < count ? lane : 0];
+        for (uint32_t i = 0; i < 25; ++i)
+            worker.turned[i][lane] = frame.history.transfer[25 * at + i];
+    }
+    store_outputs(frame, slice, receivers, count, worker.batches[0], worker);
 }
 
 void count_stale(History& h, uint32_t batch, Tally& tally) {
@@ -445,17 +464,18 @@ void write_kept(void* context, uint32_t begin, uint32_t end, uint32_t slot) {
         for (uint32_t b = 0; b * lanes < region.count; ++b) {
             const uint32_t batch = number * region_batches + b;
             const uint32_t rest = h.wanted[batch] & ~uint32_t(h.fresh[batch]);
-            uint32_t unknown[lanes], unknown_count = 0;
+            uint32_t unknown[lanes], unknown_count = 0, kept[lanes], kept_count = 0;
             for (uint32_t bits = rest; bits; bits &= bits - 1) {
                 const uint32_t lane = static_cast<uint32_t>(std::countr_zero(bits));
                 const uint32_t vertex = region.vertices[b * lanes + lane];
                 if (h.known[batch] >> lane & 1) {
-                    write_result(frame, region.slice, vertex);
-                    ++tally.receivers_written;
+                    write_result(frame, region.slice, vertex, tally);
+                    kept[kept_count++] = vertex;
                 } else {
                     unknown[unknown_count++] = vertex;
                 }
             }
+            write_streams(frame, region.slice, kept, kept_count, worker);
             tally.receivers_reused += static_cast<uint32_t>(std::popcount(rest & h.current[batch]));
             tally.receivers_unshadowed += unknown_count;
             count_stale(h, batch, tally);

@@ -31,7 +31,8 @@ uint32_t count_winding(const Frame& frame, Worker& worker, int32_t winding[lanes
     const Kernels& k = *frame.kernels;
     uint32_t unknown = 0;
     for (const MeshSlice& slice : frame.meshes) {
-        const uint32_t first = slice.first_cluster, end = first + slice.mesh->closed_clusters;
+        const uint32_t closed = slice.in.receive_only ? 0 : slice.mesh->closed_clusters;
+        const uint32_t first = slice.first_cluster, end = first + closed;
         const uint32_t count =
             k.select_along(worker.rays, frame.cluster_bounds, first, end, worker.selected.data());
         const float* points = frame.points.data() + 4 * size_t(slice.first_point);

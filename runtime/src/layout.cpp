@@ -11,7 +11,7 @@ namespace {
 uint32_t region_size(const Frame& frame) {
     size_t receivers = 0;
     for (const MeshSlice& s : frame.meshes)
-        receivers += s.in.transfer.data ? s.mesh->receivers.size() : 0;
+        receivers += receives(s.in) ? s.mesh->receivers.size() : 0;
     const size_t batches = receivers / (128 * kernels::lanes);
     return static_cast<uint32_t>(std::clamp<size_t>(batches, 2, region_batches)) * kernels::lanes;
 }
@@ -22,7 +22,7 @@ void lay_out(Frame& frame) {
     frame.point_count = frame.point_chunks = frame.cluster_count = 0;
     frame.triangle_bounds_count = 0;
     frame.any_closed = false;
-    frame.region_count = frame.duplicate_chunks = 0;
+    frame.region_count = 0;
     frame.region_size = region_size(frame);
     const auto regions = [&](uint32_t receivers) {
         return (receivers + frame.region_size - 1) / frame.region_size;
@@ -30,28 +30,27 @@ void lay_out(Frame& frame) {
     uint32_t vertices = 0;
     for (MeshSlice& s : frame.meshes) {
         const uint32_t points = static_cast<uint32_t>(s.mesh->weld_source.size());
-        s.clusters = frame.quality.paper ? &s.mesh->coarse_clusters : &s.mesh->clusters;
+        s.clusters = s.in.receive_only     ? &frame.no_clusters
+                     : frame.quality.paper ? &s.mesh->coarse_clusters
+                                           : &s.mesh->clusters;
         s.first_point = frame.point_count;
         s.first_point_chunk = frame.point_chunks;
         s.first_cluster = frame.cluster_count;
         s.first_region = frame.region_count;
-        s.first_duplicate_chunk = frame.duplicate_chunks;
         s.first_vertex = vertices;
-        const bool receives = s.in.transfer.data != nullptr;
-        const uint32_t receivers = receives ? static_cast<uint32_t>(s.mesh->receivers.size()) : 0;
-        const uint32_t duplicates = receives ? static_cast<uint32_t>(s.mesh->duplicates.size()) : 0;
+        const uint32_t receivers = receives(s.in) ? static_cast<uint32_t>(s.mesh->receivers.size()) : 0;
+        const uint32_t duplicates = receives(s.in) ? static_cast<uint32_t>(s.mesh->duplicates.size()) : 0;
         s.first_own_region = s.first_region + regions(receivers);
-        vertices += receives ? s.mesh->vertex_count : 0;
+        vertices += receives(s.in) ? s.mesh->vertex_count : 0;
         frame.point_count += points;
         frame.point_chunks += (points + point_chunk - 1) / point_chunk;
         frame.cluster_count += s.clusters->count();
-        frame.any_closed |= !frame.quality.paper && s.mesh->closed_clusters > 0;
+        frame.any_closed |= !frame.quality.paper && !s.in.receive_only && s.mesh->closed_clusters > 0;
         for (uint32_t c = 0; c < s.clusters->count(); ++c) {
             const uint32_t triangles = s.clusters->triangle_begin[c + 1] - s.clusters->triangle_begin[c];
             frame.triangle_bounds_count += 8 * kernels::triangle_slots(triangles);
         }
         frame.region_count = s.first_own_region + regions(duplicates);
-        frame.duplicate_chunks += (duplicates + kernels::lanes - 1) / kernels::lanes;
     }
 }
 
@@ -79,7 +78,8 @@ void grow(Frame& frame) {
     const uint32_t clusters = frame.has_history ? 2 * frame.cluster_count : frame.cluster_count;
     for (Worker& w : frame.crew->workers) {
         w.scratch.resize(1);
-        w.masks.resize(size_t(kernels::lanes) * kernels::mask_bytes(frame.quality.layout));
+        w.masks.resize(size_t(kernels::lanes) * kernels::mask_bytes(frame.quality.layout) *
+                       std::max(frame.shells.count, 1u));
         w.jobs.resize(4 * job_capacity);
         if (frame.quality.paper) w.near.resize(frame.point_count, 0);
         w.candidates.resize(clusters + 16);

@@ -50,8 +50,8 @@ size_t bytes_of(const Clusters& c) {
 size_t bytes_of(const MeshData& m) {
     return sizeof(m) + bytes_of(m.weld) + bytes_of(m.weld_source) + bytes_of(m.fan_begin) + bytes_of(m.fan) +
            bytes_of(m.receivers) + bytes_of(m.duplicates) + bytes_of(m.duplicate_of) +
-           bytes_of(m.full_triangles) + bytes_of(m.ring_begin) + bytes_of(m.ring) +
-           bytes_of(m.full_two_sided) + bytes_of(m.anchor) + bytes_of(m.clusters) +
+           bytes_of(m.duplicate_begin) + bytes_of(m.full_triangles) + bytes_of(m.ring_begin) +
+           bytes_of(m.ring) + bytes_of(m.full_two_sided) + bytes_of(m.anchor) + bytes_of(m.clusters) +
            bytes_of(m.samples.begin) + bytes_of(m.samples.cluster_begin) + bytes_of(m.samples.vertex) +
            bytes_of(m.samples.corner) + bytes_of(m.samples.weight) + bytes_of(m.samples.tangential) +
            bytes_of(m.coarse_clusters);
@@ -62,6 +62,20 @@ const Status no_context{StatusCode::invalid_argument,
 const Status stale{
     StatusCode::stale_handle,
     "nothing done: no mesh of this context has that handle; it was removed, or is another context's"};
+
+// The guard is held. Throws std::bad_alloc.
+MeshId take_slot(Context& context, MeshData* data, const MeshInfo& info) {
+    uint32_t slot = 0;
+    while (slot < context.meshes.size() && context.meshes[slot].data)
+        ++slot;
+    if (slot == context.meshes.size()) {
+        context.meshes.emplace_back();
+        context.meshes[slot].generation = first_generation(context);
+    }
+    context.meshes[slot].data = data;
+    context.meshes[slot].info = info;
+    return {slot, context.meshes[slot].generation};
+}
 
 } // namespace
 
@@ -80,16 +94,7 @@ Status add_mesh(Context* context, const MeshDesc& desc, MeshId* out) {
         build_mesh(desc, LevelOptions{}, context->allocator, *data, info);
         info.bytes = bytes_of(*data);
         const std::lock_guard lock(context->guard);
-        uint32_t slot = 0;
-        while (slot < context->meshes.size() && context->meshes[slot].data)
-            ++slot;
-        if (slot == context->meshes.size()) {
-            context->meshes.emplace_back();
-            context->meshes[slot].generation = first_generation(*context);
-        }
-        context->meshes[slot].data = data;
-        context->meshes[slot].info = info;
-        *out = {slot, context->meshes[slot].generation};
+        *out = take_slot(*context, data, info);
     } catch (const std::bad_alloc&) {
         unmake(context->allocator, data);
         return {StatusCode::out_of_memory,
@@ -102,7 +107,7 @@ Status add_mesh(Context* context, const MeshDesc& desc, MeshId* out) {
 constexpr size_t max_ring_valence = 256;
 
 // The rings of the quality `paper` are bounded exactly; they are what differs most from mesh to mesh. The
-// rest comes to at most 70 bytes a vertex and 70 a triangle on every mesh tried, and adding to 200 and 600
+// rest comes to at most 74 bytes a vertex and 70 a triangle on every mesh tried, and adding to 200 and 600
 // more.
 Status mesh_memory_bound(const Context* context, const MeshDesc& desc, MeshMemory* out) {
     if (!context) return no_context;
@@ -137,6 +142,24 @@ MeshSlot* find_mesh(Context& context, MeshId mesh) {
     return slot.data && slot.generation == mesh.generation ? &slot : nullptr;
 }
 
+Status share_mesh(Context* context, MeshId mesh, MeshId* out) {
+    if (!context) return no_context;
+    if (!out)
+        return {StatusCode::invalid_argument, "mesh not shared: out is null; pass where to write the handle"};
+    *out = {};
+    const std::lock_guard lock(context->guard);
+    const MeshSlot* slot = find_mesh(*context, mesh);
+    if (!slot) return stale;
+    try {
+        // By value: the slots may move.
+        *out = take_slot(*context, slot->data, MeshInfo(slot->info));
+    } catch (const std::bad_alloc&) {
+        return {StatusCode::out_of_memory,
+                "mesh not shared: the allocator gave no memory; free some and try again"};
+    }
+    return {};
+}
+
 Status remove_mesh(Context* context, MeshId mesh) {
     if (!context) return no_context;
     const std::lock_guard lock(context->guard);
@@ -144,8 +167,11 @@ Status remove_mesh(Context* context, MeshId mesh) {
     if (!slot) return stale;
     if (slot->frames > 0)
         return {StatusCode::busy, "mesh not removed: a frame in flight uses it; wait for the frame first"};
-    unmake(context->allocator, slot->data);
+    MeshData* const data = slot->data;
     slot->data = nullptr;
+    const auto shares = [&](const MeshSlot& other) { return other.data == data; };
+    if (std::none_of(context->meshes.begin(), context->meshes.end(), shares))
+        unmake(context->allocator, data);
     ++slot->generation;
     return {};
 }

@@ -79,10 +79,10 @@ struct MeshData {
         : weld(HostAllocator<uint32_t>(a)), weld_source(HostAllocator<uint32_t>(a)),
           fan_begin(HostAllocator<uint32_t>(a)), fan(HostAllocator<uint32_t>(a)),
           receivers(HostAllocator<uint32_t>(a)), duplicates(HostAllocator<uint32_t>(a)),
-          duplicate_of(HostAllocator<uint32_t>(a)), full_triangles(HostAllocator<uint32_t>(a)),
-          ring_begin(HostAllocator<uint32_t>(a)), ring(HostAllocator<uint32_t>(a)),
-          full_two_sided(HostAllocator<uint8_t>(a)), anchor(HostAllocator<uint32_t>(a)), clusters(a),
-          coarse_clusters(a), samples(a) {}
+          duplicate_of(HostAllocator<uint32_t>(a)), duplicate_begin(HostAllocator<uint32_t>(a)),
+          full_triangles(HostAllocator<uint32_t>(a)), ring_begin(HostAllocator<uint32_t>(a)),
+          ring(HostAllocator<uint32_t>(a)), full_two_sided(HostAllocator<uint8_t>(a)),
+          anchor(HostAllocator<uint32_t>(a)), clusters(a), coarse_clusters(a), samples(a) {}
 
     uint32_t vertex_count = 0; // the caller's, V
     Vector<uint32_t> weld;     // V: welded vertex of each vertex
@@ -95,8 +95,9 @@ struct MeshData {
 
     // Receivers in batches of 16 that lie together and look the same way (rest pose), one for each distinct
     // pair of welded position and rest normal; the last batch may be short. `duplicates` are the remaining
-    // vertices, and duplicate_of the receiver vertex that each repeats.
-    Vector<uint32_t> receivers, duplicates, duplicate_of;
+    // vertices, and duplicate_of the receiver vertex that each repeats; those of vertex v are numbers
+    // duplicate_begin[v] up to duplicate_begin[v + 1].
+    Vector<uint32_t> receivers, duplicates, duplicate_of, duplicate_begin;
 
     // For the quality `paper`: the full mesh as welded triples; for each welded vertex the triangles of its
     // 2-ring (those that touch one of its neighbours), incident ones left out, as indices into full_triangles

@@ -41,7 +41,6 @@ constexpr char points_zone[] = "nusselt points";
 constexpr char clusters_zone[] = "nusselt clusters";
 constexpr char bands_zone[] = "nusselt bands";
 constexpr char receivers_zone[] = "nusselt receivers";
-constexpr char duplicates_zone[] = "nusselt duplicates";
 // Frames with a history only.
 constexpr char changes_zone[] = "nusselt changes";
 constexpr char order_zone[] = "nusselt order";
@@ -68,7 +67,6 @@ void plan_without_history(Chain& c) {
     c.stage(clusters_zone, timed_refit<refit_clusters, clusters_zone>, f.cluster_count, 16);
     c.stage(bands_zone, timed_refit<choose_bands, bands_zone>, static_cast<uint32_t>(f.meshes.size()), 1);
     c.stage(receivers_zone, timed<shadow_regions, receivers_zone>, f.region_count, 1);
-    c.stage(duplicates_zone, timed<copy_duplicates, duplicates_zone>, f.duplicate_chunks, 16);
 }
 
 void plan_with_history(Chain& c) {
@@ -92,7 +90,6 @@ void plan_with_history(Chain& c) {
         c.stage(receivers_zone, timed<shadow_regions, receivers_zone>, f.region_count, 1);
     }
     c.stage(kept_zone, timed<write_kept, kept_zone>, f.region_count, 4);
-    c.stage(duplicates_zone, timed<copy_duplicates, duplicates_zone>, f.duplicate_chunks, 16);
 }
 
 } // namespace

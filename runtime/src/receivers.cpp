@@ -32,6 +32,25 @@ NormalKey normal_key(const MeshDesc& desc, uint32_t vertex) {
     return key;
 }
 
+// Fills duplicates, duplicate_of and duplicate_begin; `first_of` as in build_receivers.
+void group_duplicates(const Vector<uint32_t>& first_of, const Allocator& allocator, MeshData& mesh) {
+    const uint32_t count = mesh.vertex_count;
+    mesh.duplicate_begin.assign(size_t(count) + 1, 0);
+    for (uint32_t v = 0; v < count; ++v)
+        mesh.duplicate_begin[first_of[v] + 1] += first_of[v] != v;
+    for (uint32_t v = 0; v < count; ++v)
+        mesh.duplicate_begin[v + 1] += mesh.duplicate_begin[v];
+    mesh.duplicates.assign(mesh.duplicate_begin[count], 0);
+    mesh.duplicate_of.assign(mesh.duplicate_begin[count], 0);
+    Vector<uint32_t> fill(mesh.duplicate_begin, HostAllocator<uint32_t>(allocator));
+    for (uint32_t v = 0; v < count; ++v) {
+        if (first_of[v] == v) continue;
+        const uint32_t at = fill[first_of[v]]++;
+        mesh.duplicates[at] = v;
+        mesh.duplicate_of[at] = first_of[v];
+    }
+}
+
 } // namespace
 
 void build_receivers(const MeshDesc& desc, const Vec3f* positions, const Allocator& allocator,
@@ -87,17 +106,11 @@ void build_receivers(const MeshDesc& desc, const Vec3f* positions, const Allocat
     }
 
     mesh.receivers.clear();
-    mesh.duplicates.clear();
-    mesh.duplicate_of.clear();
     Vector<uint32_t> not_finite(numbers);
     Vector<uint32_t> vertices(numbers), order(numbers), begins(numbers);
     Vector<SplitPoint> points{HostAllocator<SplitPoint>(allocator)};
     for (uint32_t v = 0; v < vertex_count; ++v) {
-        if (first_of[v] != v) {
-            mesh.duplicates.push_back(v);
-            mesh.duplicate_of.push_back(first_of[v]);
-            continue;
-        }
+        if (first_of[v] != v) continue;
         const uint32_t w = mesh.weld[v];
         const Vec3f p = positions[w];
         if (!is_finite(p)) {
@@ -120,6 +133,7 @@ void build_receivers(const MeshDesc& desc, const Vec3f* positions, const Allocat
         mesh.receivers.push_back(vertices[i]);
     }
     mesh.receivers.insert(mesh.receivers.end(), not_finite.begin(), not_finite.end());
+    group_duplicates(first_of, allocator, mesh);
 }
 
 } // namespace nusselt

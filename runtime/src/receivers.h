@@ -7,7 +7,7 @@
 
 namespace nusselt {
 
-// Fills receivers, duplicates and duplicate_of from weld, weld_source and full_triangles.
+// Fills receivers, duplicates, duplicate_of and duplicate_begin from weld, weld_source and full_triangles.
 // `positions` are the welded rest positions, at most about 1 in size; not finite where the caller's are not.
 void build_receivers(const MeshDesc& desc, const Vec3f* positions, const Allocator& allocator,
                      MeshData& mesh);

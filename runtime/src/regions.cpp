@@ -9,18 +9,7 @@
 
 namespace nusselt {
 
-namespace {
-
 using namespace kernels;
-
-// A duplicate had the position and normal of another vertex when the mesh was added. It gets that one's
-// result, unless their normals differ in this frame or nobody needs the other.
-bool repeats(const FrameMesh& mesh, uint32_t duplicate, uint32_t original) {
-    return is_needed(mesh, original) &&
-           std::memcmp(element(mesh.normals, duplicate), element(mesh.normals, original), 12) == 0;
-}
-
-} // namespace
 
 Region region_of(const Frame& frame, uint32_t region) {
     const MeshSlice& slice = slice_of(frame, &MeshSlice::first_region, region);
@@ -153,26 +142,6 @@ void shadow_region(Frame& frame, uint32_t number, uint32_t batches_wanted, bool 
     }
 }
 
-void copy_chunk(const Frame& frame, uint32_t chunk, Worker& worker) {
-    const MeshSlice& slice = slice_of(frame, &MeshSlice::first_duplicate_chunk, chunk);
-    const MeshData& data = *slice.mesh;
-    const uint32_t first = (chunk - slice.first_duplicate_chunk) * lanes;
-    const uint32_t end = std::min(first + lanes, static_cast<uint32_t>(data.duplicates.size()));
-    const size_t mask_size = mask_bytes(frame.tables->layout);
-    const size_t transfer_size = frame.order * frame.order * sizeof(float);
-    uint32_t copied = 0;
-    for (uint32_t i = first; i < end; ++i) {
-        const uint32_t vertex = data.duplicates[i], original = data.duplicate_of[i];
-        if (!is_needed(slice.in, vertex) || !repeats(slice.in, vertex, original)) continue;
-        std::memcpy(transfer_of(slice.in, vertex), transfer_of(slice.in, original), transfer_size);
-        if (slice.in.masks.data)
-            std::memcpy(mask_of(slice.in, vertex), mask_of(slice.in, original), mask_size);
-        ++copied;
-    }
-    worker.tally.receivers_copied += copied;
-    worker.tally.receivers_written += copied;
-}
-
 } // namespace
 
 void shadow_regions(void* context, uint32_t begin, uint32_t end, uint32_t slot) {
@@ -187,12 +156,6 @@ void shadow_turns(void* context, uint32_t begin, uint32_t end, uint32_t slot) {
         const History::Turn& turn = frame.history.turns[i];
         shadow_region(frame, turn.region, turn.batches, i == 0, frame.workers[slot]);
     }
-}
-
-void copy_duplicates(void* context, uint32_t begin, uint32_t end, uint32_t slot) {
-    Frame& frame = *static_cast<Frame*>(context);
-    for (uint32_t chunk = begin; chunk < end; ++chunk)
-        copy_chunk(frame, chunk, frame.workers[slot]);
 }
 
 } // namespace nusselt

@@ -24,6 +24,5 @@ kernels::ReceiverBounds unite(const kernels::ReceiverBounds* batches, uint32_t c
 void shadow_regions(void* context, uint32_t begin, uint32_t end, uint32_t slot);
 // The same in the history's order: turns, of which there are at most eight a region.
 void shadow_turns(void* context, uint32_t begin, uint32_t end, uint32_t slot);
-void copy_duplicates(void* context, uint32_t begin, uint32_t end, uint32_t slot); // chunks of 16 duplicates
 
 } // namespace nusselt

@@ -331,7 +331,29 @@ static void test_context(const nusselt_context_desc* context_desc) {
     EXPECT_CODE(nusselt_destroy_context(context), NUSSELT_OK);
 }
 
+static void check_outputs(void) {
+    const float gold[3] = {1.0f, 0.77f, 0.34f};
+    unsigned char packed[32] = {0};
+    float window[5], light[75], unpacked[25];
+    nusselt_material metal = nusselt_metallic_roughness(gold, 1, 0.5f);
+    EXPECT(metal.brdf == NUSSELT_BRDF_GGX && metal.specular[1] == 0.77f && metal.diffuse[1] == 0);
+    EXPECT(nusselt_lobe_beyond_bands(&metal, 5) < nusselt_lobe_beyond_bands(&metal, 3));
+    EXPECT(nusselt_sharpest_roughness(4096) < nusselt_sharpest_roughness(1024));
+    EXPECT(nusselt_output_bytes(NUSSELT_OUTPUT_TRANSFER, NUSSELT_FORMAT_PACKED8, 0) == 32);
+    EXPECT(nusselt_output_bytes(NUSSELT_OUTPUT_GLOSSY, NUSSELT_FORMAT_FLOAT16, 3) == 54);
+    packed[1] = 0x34; /* the half 0.25 */
+    nusselt_unpack_transfer(packed, 5, unpacked);
+    EXPECT(unpacked[0] == 0.25f && unpacked[24] == 0);
+    nusselt_sh_window(NUSSELT_WINDOW_HANN, 5, window);
+    EXPECT(window[0] == 1 && window[4] > 0 && window[4] < window[3]);
+    memset(light, 0, sizeof(light));
+    light[74] = 1;
+    nusselt_sh_apply_window(window, 3, light);
+    EXPECT(light[74] == window[4]);
+}
+
 int main(void) {
+    check_outputs();
     struct host host;
     nusselt_context_desc desc;
     nusselt_context* context = NULL;

@@ -139,7 +139,7 @@ TEST(Cancel, MidwayEveryReceiverIsWholeOrUntouched) {
             ASSERT_TRUE(wait(host.context, id, nullptr).ok());
             whole = host.transfer;
         }
-        for (const char* zone : {"nusselt points", "nusselt receivers", "nusselt duplicates"}) {
+        for (const char* zone : {"nusselt points", "nusselt bands", "nusselt receivers"}) {
             for (const int at : {1, 2, 5}) {
                 Canceller canceller;
                 canceller.zone = zone;

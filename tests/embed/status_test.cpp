@@ -115,6 +115,8 @@ struct Statuses : testing::Test {
     void of_executors();
     void of_meshes();
     void of_frames();
+    void of_outputs();
+    void of_light();
     void of_frames_in_flight();
     void of_histories();
     void of_memory();
@@ -194,6 +196,123 @@ void Statuses::of_frames() {
     refuse_frame([](FrameDesc&, FrameMesh& m) { m.transfer.data = nullptr; });
     refuse_frame([](FrameDesc&, FrameMesh& m) { m.positions.count = SIZE_MAX; });
     refuse_frame([](FrameDesc&, FrameMesh& m) { ++m.mesh.generation; }, StatusCode::stale_handle);
+}
+
+void Statuses::of_outputs() {
+    Output output;
+    const auto refuse = [&](const auto& change) {
+        output = {};
+        output.kind = OutputKind::transfer;
+        output.data = transfer.data();
+        output.count = 3;
+        change(output);
+        refuse_frame([&](FrameDesc&, FrameMesh& m) {
+            m.outputs = &output;
+            m.output_count = 1;
+        });
+    };
+    refuse_frame([](FrameDesc&, FrameMesh& m) { m.output_count = 1; }); // of none
+    refuse([](Output& o) { o.kind = static_cast<OutputKind>(99); });
+    refuse([](Output& o) { o.data = nullptr; });
+    refuse([](Output& o) { o.stride = 102; });
+    refuse([](Output& o) { o.stride = 96; });
+    refuse([](Output& o) { o.window[1] = 2; });
+    refuse([](Output& o) {
+        o.kind = OutputKind::direct;
+        o.format = OutputFormat::packed8;
+    });
+    refuse([](Output& o) { o.kind = OutputKind::glossy; });   // without a gloss
+    refuse([](Output& o) { o.kind = OutputKind::radiance; }); // without light
+    refuse([](Output& o) { o.kind = OutputKind::direct; });   // without an environment
+}
+
+void Statuses::of_light() {
+    Material material;
+    const auto refuse_gloss = [&](const auto& change) {
+        Gloss gloss;
+        material = {};
+        gloss.materials = &material;
+        gloss.material_count = 1;
+        change(gloss);
+        refuse_frame([&](FrameDesc&, FrameMesh& m) { m.gloss = &gloss; });
+    };
+    refuse_gloss([](Gloss& g) { g.materials = nullptr; });
+    refuse_gloss([](Gloss& g) { g.eye[1] = std::nanf(""); });
+    refuse_gloss([&](Gloss&) { material.brdf = static_cast<Brdf>(9); });
+    refuse_gloss([&](Gloss&) { material.specular[0] = 1.5f; });
+    refuse_gloss([&](Gloss&) { material.roughness = 2; });
+    refuse_gloss([&](Gloss&) {
+        material.brdf = Brdf::phong;
+        material.exponent = 20000;
+    });
+
+    MeshId id;
+    provoke(share_mesh(context, mesh, nullptr), StatusCode::invalid_argument);
+    std::vector<MeshId> shared; // as many as it takes for the handles to need memory
+    scarce.left = 0;
+    Status status;
+    while ((status = share_mesh(context, mesh, &id)).ok())
+        shared.push_back(id);
+    scarce.left = 1 << 30;
+    provoke(status, StatusCode::out_of_memory);
+    for (const MeshId each : shared)
+        EXPECT_TRUE(remove_mesh(context, each).ok());
+
+    refuse_frame([](FrameDesc& d, FrameMesh&) { d.falloff = {2, 1}; });
+    refuse_frame([](FrameDesc& d, FrameMesh&) {
+        d.falloff = {1, 2};
+        d.quality = Quality::paper;
+    });
+    Gloss gloss;
+    gloss.materials = &material;
+    gloss.material_count = 1;
+    material = {};
+    Output output;
+    output.kind = OutputKind::radiance;
+    output.data = transfer.data();
+    output.count = 3;
+    const float light[75] = {};
+    refuse_frame([&](FrameDesc& d, FrameMesh& m) {
+        d.falloff = {1, 2};
+        d.light = light;
+        m.gloss = &gloss;
+        m.outputs = &output;
+        m.output_count = 1;
+    });
+
+    HistoryId history;
+    ASSERT_TRUE(create_history(context, &history).ok());
+    refuse_frame([&](FrameDesc& d, FrameMesh&) {
+        d.history = history;
+        d.falloff = {1, 2};
+    });
+    output.kind = OutputKind::glossy;
+    refuse_frame([&](FrameDesc& d, FrameMesh& m) {
+        d.history = history;
+        m.gloss = &gloss;
+        m.outputs = &output;
+        m.output_count = 1;
+        output.stride = 300;
+    });
+    EXPECT_TRUE(remove_history(context, history).ok());
+
+    Environment* environment = nullptr;
+    const float white[3] = {1, 1, 1};
+    EnvironmentDesc desc;
+    desc.rgb = white;
+    desc.width = desc.height = 1;
+    provoke(create_environment(context, desc, nullptr), StatusCode::invalid_argument);
+    provoke(create_environment(nullptr, desc, &environment), StatusCode::invalid_argument);
+    provoke(create_environment(context, {}, &environment), StatusCode::invalid_argument);
+    desc.mask_bits = 7;
+    provoke(create_environment(context, desc, &environment), StatusCode::invalid_argument);
+    desc.mask_bits = 1024;
+    scarce.left = 0;
+    provoke(create_environment(context, desc, &environment), StatusCode::out_of_memory);
+    scarce.left = 1 << 30;
+    provoke(nusselt_create_environment(reinterpret_cast<nusselt_context*>(context), white, 1, 1, 0, nullptr,
+                                       nullptr),
+            StatusCode::invalid_argument);
 }
 
 void Statuses::of_frames_in_flight() {
@@ -375,6 +494,8 @@ TEST_F(Statuses, EveryOneIsProvoked) {
     of_executors();
     of_meshes();
     of_frames();
+    of_outputs();
+    of_light();
     of_frames_in_flight();
     of_histories();
     of_memory();

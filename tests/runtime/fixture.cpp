@@ -151,7 +151,7 @@ Outputs run_at_rest(Context* context, const std::vector<scenes::Mesh>& meshes, Q
 }
 
 scenes::Mesh points(const std::vector<glm::vec3>& positions, const std::vector<glm::vec3>& normals) {
-    return {"points", positions, normals, {}, {}};
+    return {"points", positions, normals, {}, {}, {}};
 }
 
 scenes::Mesh soup(const std::vector<glm::vec3>& corners) {

@@ -143,7 +143,7 @@ TEST_F(Program, UsageErrors) {
     expect_failure(2, "transfer box.obj --out ''", {"--out"});
     expect_failure(2, "render box.obj --out out --size 9", {"--size", "WIDTHxHEIGHT"});
     expect_failure(2, "render box.obj --out out --size 0x9", {"--size"});
-    expect_failure(2, "render box.obj --out out --brdf phong", {"phong", "lambert"});
+    expect_failure(2, "render box.obj --out out --brdf glass", {"glass", "lambert"});
     expect_failure(2, "render box.obj --out out --shadows some", {"some", "off, on, traced"});
     expect_failure(2, "render slide.gltf --out out --time 0 --frames 2", {"--frames"});
     expect_failure(2, "render slide.gltf --out out --frames 2 --fps 0", {"--fps"});
@@ -275,6 +275,84 @@ TEST_F(Program, Render) {
     EXPECT_TRUE(contents(folder / "clip" / "frame_0000.png") != contents(folder / "clip" / "frame_0001.png"));
     EXPECT_TRUE(fs::exists(folder / "clip" / "frame_0002.png"));
     EXPECT_FALSE(fs::exists(folder / "clip" / "frame_0003.png"));
+}
+
+TEST_F(Program, OutputStreams) {
+    expect_failure(2, "transfer box.obj --out out --output depth", {"depth", "ambient_occlusion"});
+    expect_failure(2, "transfer box.obj --out out --output transfer:float8", {"float8", "packed8"});
+    expect_failure(2, "transfer box.obj --out out --output transfer:float16:6", {"'6'"});
+    expect_failure(2, "transfer box.obj --out out --output bent_normal:float16:3", {"'3'"});
+    const Outcome result =
+        run("transfer box.obj --out out --output ambient_occlusion --output transfer:packed8 "
+            "--output transfer:float16:3 --output bent_normal:packed8");
+    ASSERT_EQ(result.code, 0) << result.err;
+    const auto stats = nlohmann::json::parse(contents(folder / "out" / "stats.json"));
+    const std::string v = std::to_string(stats["vertices"].get<size_t>());
+    const auto holds = [&](const std::string& name, const std::string& type, const std::string& columns) {
+        const std::string header = contents(folder / "out" / (name + ".npy")).substr(10, 70);
+        EXPECT_NE(header.find("'" + type + "'"), std::string::npos) << header;
+        EXPECT_NE(header.find("(" + v + ", " + columns + ")"), std::string::npos) << header;
+    };
+    holds("ambient_occlusion_float32", "<f4", "1");
+    holds("transfer_packed8", "|u1", "32");
+    holds("transfer_float16_3", "<f2", "9");
+    holds("bent_normal_packed8", "|i1", "3");
+    ASSERT_EQ(stats["outputs"].size(), 4u);
+    EXPECT_EQ(stats["outputs"][1]["bytes_a_vertex"], 32);
+    EXPECT_LT(stats["outputs"][1]["format_error_mean"], 0.004);
+    EXPECT_GT(stats["outputs"][1]["format_error_mean"], 0);
+    EXPECT_LT(stats["outputs"][2]["format_error_mean"], 4e-4);
+    const std::vector<float> seen = floats("out/ambient_occlusion_float32.npy"),
+                             transfer = floats("out/transfer.npy");
+    for (size_t k = 0; k < seen.size(); ++k)
+        EXPECT_NEAR(seen[k], std::min(seen_part(&transfer[k * 25]), 1.0), 1e-5);
+}
+
+TEST_F(Program, RenderShowsLightAndWhatElseThereIs) {
+    const std::string render = "render corner.obj --size 40x30 --env light.hdr --out ";
+    expect_failure(2, render + "out --brdf chrome", {"chrome", "lambert", "ggx"});
+    expect_failure(2, render + "out --brdf ggx:2", {"'2'"});
+    expect_failure(2, render + "out --brdf phong:-1", {"'-1'"});
+    expect_failure(2, render + "out --light moon", {"moon", "direct"});
+    expect_failure(2, render + "out --light direct --shadows traced", {"--shadows"});
+    expect_failure(2, render + "out --window box:3", {"box:3", "hann"});
+    expect_failure(2, render + "out --falloff 2:1", {"2:1"});
+    expect_failure(2, render + "out --falloff 1:2 --brdf ggx", {"--brdf"});
+    expect_failure(2, render + "out --show depth", {"depth", "bent-normal"});
+    expect_failure(2, render + "out --show bent-normal --shadows off", {"--shadows"});
+    const auto picture = [&](const std::string& name, const std::string& options) {
+        const Outcome result = run(render + name + " " + options);
+        EXPECT_EQ(result.code, 0) << options << result.err;
+        return contents(folder / name / "frame_0000.png");
+    };
+    const std::string plain = picture("plain", "");
+    std::vector<std::string> others;
+    for (const char* options :
+         {"--brdf phong:10:0.5", "--brdf ggx:0.6:1", "--light direct", "--brdf ggx:0.3 --light direct",
+          "--falloff 0.1:0.5", "--show ambient-occlusion", "--show bent-normal"})
+        others.push_back(picture("p" + std::to_string(others.size()), options));
+    for (size_t k = 0; k < others.size(); ++k) {
+        EXPECT_NE(others[k], plain) << k;
+        EXPECT_TRUE(others[k].starts_with("\x89PNG")) << k;
+    }
+    // A sharp lobe is told to ring; the traced and the unshadowed reference have materials too.
+    EXPECT_NE(run(render + "sharp --brdf ggx:0.3:1").err.find("25 terms"), std::string::npos);
+    EXPECT_EQ(run(render + "damped --brdf ggx:0.3:1 --window hann:6").err, "");
+    EXPECT_EQ(run(render + "traced --brdf ggx:0.6:1 --shadows traced --rays 64").code, 0);
+    EXPECT_EQ(run(render + "open --brdf model --shadows off").code, 0);
+}
+
+TEST_F(Program, Study) {
+    expect_failure(2, "study weather --out out", {"weather", "glossy"});
+    expect_failure(2, "study glossy --scene moon --out out", {"moon", "hand"});
+    for (const char* topic : {"glossy", "direct"}) {
+        const Outcome result = run(std::string("study ") + topic + " --quick --model box.obj --out out");
+        ASSERT_EQ(result.code, 0) << result.err;
+        const auto report = nlohmann::json::parse(contents(folder / "out" / (std::string(topic) + ".json")));
+        EXPECT_EQ(report["topic"], topic);
+        EXPECT_GE(report["rows"].size(), 9u);
+        EXPECT_EQ(result.out, contents(folder / "out" / (std::string(topic) + ".txt")));
+    }
 }
 
 TEST_F(Program, Info) {

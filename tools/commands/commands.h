@@ -30,10 +30,13 @@ struct TransferOptions {
     Quality quality = Quality::standard;
     EngineOptions engine;
     uint32_t repeat = 1;
+    std::vector<StreamArray> streams; // written beside the transfer vectors
 };
 void run_transfer(const TransferOptions& options);
 
 enum class Shadows { off, on, traced };
+// What a picture shows: light, or an output as colours (bent normals as (n + 1) / 2).
+enum class Show { radiance, ambient_occlusion, bent_normal };
 
 struct RenderOptions {
     std::string model, out, clip;
@@ -42,6 +45,12 @@ struct RenderOptions {
     std::optional<uint32_t> frames;
     double fps = 30;
     Shadows shadows = Shadows::on;
+    Show show = Show::radiance;
+    Reflectance reflectance;
+    Falloff falloff;
+    bool direct = false;            // light straight from the masks and the environment
+    std::optional<ShWindow> window; // of the light
+    float window_width = 5;
     uint32_t rays = 1024;
     uint32_t width = 960, height = 720;
     Quality quality = Quality::standard;

@@ -98,6 +98,7 @@ Engine::Engine(const scenes::Scene& scene, const EngineOptions& options, std::st
 }
 
 Engine::~Engine() {
+    destroy_environment(context_, environment_);
     // No frame outlives the call that submitted it, so the context is never busy.
     (void)destroy_context(context_);
     destroy_executor(&executor_);
@@ -113,14 +114,43 @@ MeshInfo Engine::mesh(size_t number) const {
     return info;
 }
 
+void Engine::look(const Palette& palette, const glm::vec3& eye, const std::vector<float>& light) {
+    gloss_.assign(meshes_.size(), {});
+    for (size_t m = 0; m < meshes_.size(); ++m) {
+        Gloss& gloss = gloss_[m];
+        gloss.eye[0] = eye.x;
+        gloss.eye[1] = eye.y;
+        gloss.eye[2] = eye.z;
+        gloss.materials = palette.materials.data();
+        gloss.material_count = static_cast<uint32_t>(palette.materials.size());
+        gloss.material_of = palette.material_of[m].data();
+    }
+    light_ = light;
+}
+
+void Engine::surround(const Image& environment, Quality quality) {
+    destroy_environment(context_, environment_);
+    environment_ = nullptr;
+    EnvironmentDesc desc;
+    desc.rgb = environment.rgb.data();
+    desc.width = environment.width;
+    desc.height = environment.height;
+    desc.mask_bits = quality_mask_bits(quality);
+    check(create_environment(context_, desc, &environment_));
+}
+
 FrameStats Engine::frame(const scenes::Pose& pose, Quality quality, std::vector<float>& transfer,
-                         std::vector<uint32_t>* masks) {
+                         std::vector<uint32_t>* masks, std::vector<StreamArray>* streams) {
     size_t vertices = 0;
     for (const std::vector<glm::vec3>& positions : pose.positions)
         vertices += positions.size();
     const size_t words = quality_mask_bits(quality) / 32;
     transfer.resize(vertices * 25);
     if (masks) masks->resize(vertices * words);
+    const size_t stream_count = streams ? streams->size() : 0;
+    for (size_t k = 0; k < stream_count; ++k)
+        (*streams)[k].bytes.resize(vertices * (*streams)[k].element());
+    outputs_.resize(meshes_.size() * stream_count);
     size_t first = 0;
     for (size_t m = 0; m < meshes_.size(); ++m) {
         const size_t count = pose.positions[m].size();
@@ -129,9 +159,26 @@ FrameStats Engine::frame(const scenes::Pose& pose, Quality quality, std::vector<
         frame_[m].normals = view(pose.normals[m]);
         frame_[m].transfer = {transfer.data() + first * 25, count, 100};
         frame_[m].masks = masks ? MaskView{masks->data() + first * words, count, words * 4} : MaskView{};
+        for (size_t k = 0; k < stream_count; ++k) {
+            StreamArray& stream = (*streams)[k];
+            Output& output = outputs_[m * stream_count + k];
+            output = {};
+            output.kind = stream.kind;
+            output.format = stream.format;
+            output.bands = stream.bands;
+            std::copy(std::begin(stream.window), std::end(stream.window), output.window);
+            output.data = stream.bytes.data() + first * stream.element();
+            output.count = count;
+        }
+        frame_[m].outputs = stream_count > 0 ? &outputs_[m * stream_count] : nullptr;
+        frame_[m].output_count = static_cast<uint32_t>(stream_count);
+        frame_[m].gloss = gloss_.empty() ? nullptr : &gloss_[m];
         first += count;
     }
     FrameDesc desc;
+    desc.environment = environment_;
+    desc.falloff = falloff_;
+    desc.light = light_.empty() ? nullptr : light_.data();
     desc.meshes = frame_.data();
     desc.mesh_count = static_cast<uint32_t>(frame_.size());
     desc.quality = quality;

@@ -2,6 +2,8 @@
 #pragma once
 
 #include "bench/scenes/scene.h"
+#include "tools/commands/reflection.h"
+#include "tools/commands/streams.h"
 
 #include <nusselt/nusselt.h>
 
@@ -24,6 +26,8 @@ Isa parse_isa(const std::string& name);
 // for.
 void check_isa_variable();
 
+struct Image;
+
 class Engine {
 public:
     // Adds every mesh in its rest pose. `subject` is the file or scene for messages.
@@ -32,9 +36,23 @@ public:
     Engine(const Engine&) = delete;
     Engine& operator=(const Engine&) = delete;
 
-    // Transfer vectors of all meshes in order, 25 floats a vertex; masks too where asked for.
+    // Transfer vectors of all meshes in order, 25 floats a vertex; masks and further streams too where asked
+    // for.
     FrameStats frame(const scenes::Pose& pose, Quality quality, std::vector<float>& transfer,
-                     std::vector<uint32_t>* masks = nullptr);
+                     std::vector<uint32_t>* masks = nullptr, std::vector<StreamArray>* streams = nullptr);
+
+    // Materials, viewer and light of the frames that follow, for streams that depend on them. `palette` is of
+    // the engine's scene and stays with the caller.
+    void look(const Palette& palette, const glm::vec3& eye, const std::vector<float>& light);
+
+    // Light alone: surfaces are white and Lambert.
+    void light(const std::vector<float>& light) { light_ = light; }
+
+    // Occlusion of the frames that follow fades with distance.
+    void fade(const Falloff& falloff) { falloff_ = falloff; }
+
+    // The environment of the frames that follow, for direct light at that quality.
+    void surround(const Image& environment, Quality quality);
 
     // Radiance leaving each vertex, 3 floats, of transfer vectors from wherever.
     std::vector<float> shade(const float light[75], std::vector<float>& transfer,
@@ -53,11 +71,15 @@ private:
     Context* context_ = nullptr;
     std::vector<MeshId> meshes_;
     std::vector<FrameMesh> frame_;
+    std::vector<Output> outputs_; // of each mesh in turn
+    std::vector<Gloss> gloss_;    // of each mesh, or none
+    std::vector<float> light_;
+    Environment* environment_ = nullptr;
+    Falloff falloff_;
 };
 
 // `environment` in SH: 25 terms of 3 channels. Pixels that aren't finite or negative count as black, and are
 // told on stderr once.
-struct Image;
 std::vector<float> project_environment(const Image& environment, const std::string& name);
 
 } // namespace nusselt::tools

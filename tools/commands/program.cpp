@@ -1,4 +1,5 @@
 #include "tools/commands/commands.h"
+#include "tools/commands/study.h"
 
 #include "tools/report/failure.h"
 #include "tools/report/progress.h"
@@ -6,6 +7,7 @@
 #include <CLI/CLI.hpp>
 
 #include <cstdio>
+#include <cstdlib>
 #include <new>
 
 namespace nusselt::tools {
@@ -38,6 +40,41 @@ void parse_size(const std::string& text, uint32_t& width, uint32_t& height) {
     }
     width = w;
     height = h;
+}
+
+void parse_window(const std::string& text, RenderOptions& render) {
+    const size_t colon = text.find(':');
+    const std::string name = text.substr(0, colon);
+    char* end = nullptr;
+    const std::string width = colon == std::string::npos ? "" : text.substr(colon + 1);
+    render.window_width = std::strtof(width.c_str(), &end);
+    if ((name != "hann" && name != "lanczos") || width.empty() || *end || !(render.window_width > 0)) {
+        throw Failure("--window",
+                      "'" + text + "' is no window; write hann:WIDTH or lanczos:WIDTH, like hann:6",
+                      exit_usage);
+    }
+    render.window = name == "hann" ? ShWindow::hann : ShWindow::lanczos;
+}
+
+Falloff parse_falloff(const std::string& text) {
+    Falloff falloff;
+    int used = 0;
+    const bool two = std::sscanf(text.c_str(), "%f:%f%n", &falloff.from, &falloff.to, &used) == 2 &&
+                     static_cast<size_t>(used) == text.size();
+    if (!two || !(falloff.from >= 0 && falloff.to > 0 && falloff.from <= falloff.to && falloff.to < 1e30f)) {
+        throw Failure("--falloff", "'" + text + "' is no pair of distances; write FROM:TO like 0.05:0.4",
+                      exit_usage);
+    }
+    return falloff;
+}
+
+Show parse_show(const std::string& name) {
+    if (name == "radiance") return Show::radiance;
+    if (name == "ambient-occlusion") return Show::ambient_occlusion;
+    if (name == "bent-normal") return Show::bent_normal;
+    throw Failure("--show",
+                  "there is no '" + name + "'; choose one of radiance, ambient-occlusion, bent-normal",
+                  exit_usage);
 }
 
 Shadows parse_shadows(const std::string& name) {
@@ -146,6 +183,8 @@ void finish_compare(CompareOptions& compare, const CompareWords& words) {
 // What the options say as text, before it is understood.
 struct Words {
     std::string quality = "standard", isa = "best", shadows = "on", size = "960x720", brdf = "lambert";
+    std::string show = "radiance", window, light = "sh", falloff;
+    std::vector<std::string> outputs;
     uint32_t threads = 0;
 };
 
@@ -234,6 +273,14 @@ void parse_and_run(int argc, const char* const* argv) {
         ->type_name("N")
         ->capture_default_str();
 
+    transfer_command
+        ->add_option("--output", transfer_words.outputs,
+                     "further array KIND[:FORMAT[:BANDS]] as nusselt/output.h has them: transfer, "
+                     "ambient_occlusion, bent_normal; float32, float16, packed8; 1 to 5 bands of a transfer. "
+                     "May be given several times")
+        ->type_name("STREAM")
+        ->allow_extra_args(false);
+
     RenderOptions render;
     Words render_words;
     CLI::App* render_command =
@@ -266,13 +313,59 @@ void parse_and_run(int argc, const char* const* argv) {
     render_command->add_option("--rays", render.rays, "rays a vertex with --shadows traced")
         ->type_name("N")
         ->capture_default_str();
-    render_command->add_option("--brdf", render_words.brdf, "reflection: lambert")
+    render_command
+        ->add_option("--show", render_words.show,
+                     "radiance, ambient-occlusion, or bent-normal, the latter two as the library writes them")
+        ->type_name("WHAT")
+        ->capture_default_str();
+    render_command
+        ->add_option(
+            "--brdf", render_words.brdf,
+            "reflection of all meshes: lambert, phong:EXPONENT[:SPECULAR], ggx:ROUGHNESS[:METALLIC], or "
+            "model: a glTF file's metallic-roughness factors")
         ->type_name("NAME")
         ->capture_default_str();
+    render_command
+        ->add_option("--light", render_words.light,
+                     "sh: 25 terms, as an engine would; direct: straight from the masks and the environment")
+        ->type_name("HOW")
+        ->capture_default_str();
+    render_command
+        ->add_option("--falloff", render_words.falloff,
+                     "occlusion fades from one distance to another, in the model's unit; not physical")
+        ->type_name("FROM:TO");
+    render_command
+        ->add_option(
+            "--window", render_words.window,
+            "damps the light's high bands: hann:WIDTH or lanczos:WIDTH, in bands; 5 is strong, 10 mild")
+        ->type_name("NAME:WIDTH");
     render_command->add_option("--size", render_words.size, "of the pictures, in pixels")
         ->type_name("WxH")
         ->capture_default_str();
     add_engine(*render_command, render_words);
+
+    StudyOptions study;
+    Words study_words;
+    study_words.threads = 1;
+    CLI::App* study_command = app.add_subcommand(
+        "study", "what a further part of the method costs and how wrong it is: a table and JSON");
+    study_command->add_option("topic", study.topic, "glossy, direct, objects")
+        ->type_name("TOPIC")
+        ->required();
+    CLI::Option* study_model =
+        study_command->add_option("--model", study.model, "glTF, GLB, OBJ or PLY file")->type_name("MODEL");
+    study_command
+        ->add_option("--scene", study.scene, "built-in scene instead of a model: cloth, fight, chess, hand")
+        ->type_name("NAME")
+        ->excludes(study_model)
+        ->capture_default_str();
+    study_command->add_option("--out", study.out, "directory for TOPIC.json and TOPIC.txt")
+        ->type_name("DIR")
+        ->required();
+    study_command->add_option("--clip", study.clip, "animation of the model; default: the first")
+        ->type_name("NAME|N");
+    study_command->add_flag("--quick", study.quick, "few receivers, rays and rounds");
+    add_engine(*study_command, study_words);
 
     CompareOptions compare;
     CompareWords compare_words;
@@ -314,7 +407,13 @@ void parse_and_run(int argc, const char* const* argv) {
         transfer.engine = parse_engine(*transfer_command, transfer_words);
         transfer.quality = parse_quality(transfer_words.quality);
         at_least_one("--repeat", transfer.repeat, most_frames);
+        for (const std::string& text : transfer_words.outputs)
+            transfer.streams.push_back(parse_stream(text, "--output"));
         run_transfer(transfer);
+    } else if (study_command->parsed()) {
+        study.engine = parse_engine(*study_command, study_words);
+        study.quality = parse_quality(study_words.quality);
+        run_study(study);
     } else if (compare_command->parsed()) {
         finish_compare(compare, compare_words);
         run_compare(compare);
@@ -322,15 +421,40 @@ void parse_and_run(int argc, const char* const* argv) {
         render.engine = parse_engine(*render_command, render_words);
         render.quality = parse_quality(render_words.quality);
         render.shadows = parse_shadows(render_words.shadows);
+        render.show = parse_show(render_words.show);
+        if (render.show != Show::radiance && render.shadows != Shadows::on) {
+            throw Failure("--show", "what is not radiance comes from the library; leave --shadows out",
+                          exit_usage);
+        }
         parse_size(render_words.size, render.width, render.height);
         at_least_one("--rays", render.rays, 1u << 20);
         if (render.frames) at_least_one("--frames", *render.frames, most_frames);
         if (!(render.fps > 0 && render.fps <= 1e6)) {
             throw Failure("--fps", "must be a positive number; 30 is usual", exit_usage);
         }
-        if (render_words.brdf != "lambert") {
-            throw Failure("--brdf", "there is no '" + render_words.brdf + "'; choose lambert", exit_usage);
+        render.reflectance = parse_reflectance(render_words.brdf, "--brdf");
+        render.direct = render_words.light == "direct";
+        if (!render.direct && render_words.light != "sh") {
+            throw Failure("--light", "there is no '" + render_words.light + "'; choose sh or direct",
+                          exit_usage);
         }
+        if (render.direct && (render.shadows != Shadows::on || !render_words.window.empty())) {
+            throw Failure("--light",
+                          "direct light has shadows from the library and no bands; leave --shadows and "
+                          "--window out",
+                          exit_usage);
+        }
+        if (!render_words.falloff.empty()) {
+            render.falloff = parse_falloff(render_words.falloff);
+            const bool plain = render.reflectance.kind == Reflectance::Kind::lambert && !render.direct;
+            if (!plain || render.shadows != Shadows::on || render.quality == Quality::paper) {
+                throw Failure("--falloff",
+                              "only transfer vectors of the library know it, and not quality paper; leave "
+                              "--brdf, --light and --shadows out",
+                              exit_usage);
+            }
+        }
+        if (!render_words.window.empty()) parse_window(render_words.window, render);
         run_render(render);
     }
 }

@@ -5,12 +5,55 @@
 #include "tools/report/failure.h"
 #include "tools/report/output.h"
 #include "tools/report/progress.h"
+#include "tools/trace/glossy.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 
 namespace nusselt::tools {
+
+namespace {
+
+std::vector<float> floats_of(const StreamArray& stream) {
+    std::vector<float> values(stream.bytes.size() / sizeof(float));
+    std::memcpy(values.data(), stream.bytes.data(), stream.bytes.size());
+    return values;
+}
+
+std::vector<uint16_t> joined(const Palette& palette) {
+    std::vector<uint16_t> all;
+    for (const std::vector<uint16_t>& mesh : palette.material_of)
+        all.insert(all.end(), mesh.begin(), mesh.end());
+    return all;
+}
+
+// Radiance of glossy transfer vectors, 75 numbers each.
+std::vector<float> shade_glossy(const std::vector<float>& light, const std::vector<float>& transfer) {
+    std::vector<float> radiance(transfer.size() / 25);
+    for (size_t k = 0; k < radiance.size(); ++k) {
+        for (size_t term = 0; term < 25; ++term)
+            radiance[k] += light[3 * term + k % 3] * transfer[25 * k + term];
+    }
+    return radiance;
+}
+
+// A stream of floats as three numbers in [0, 1] a vertex.
+std::vector<float> as_colours(const StreamArray& stream) {
+    const size_t components = stream.element() / sizeof(float);
+    std::vector<float> colours;
+    for (const float value : floats_of(stream)) {
+        if (components == 1) {
+            colours.insert(colours.end(), 3, value);
+        } else {
+            colours.push_back(value * 0.5f + 0.5f);
+        }
+    }
+    return colours;
+}
+
+} // namespace
 
 void run_render(const RenderOptions& options) {
     const bool several = options.frames.has_value();
@@ -36,7 +79,12 @@ void run_render(const RenderOptions& options) {
     const Image environment =
         options.environment == "sky" ? sky(1024, 512, 0) : load_environment(options.environment);
     OutputDirectory out(options.out);
-    const std::vector<float> light = project_environment(environment, options.environment);
+    std::vector<float> light = project_environment(environment, options.environment);
+    if (options.window) {
+        float window[5];
+        sh_window(*options.window, options.window_width, window);
+        sh_apply_window(window, 3, light.data());
+    }
     Engine engine(choice.scene, options.engine, options.model);
 
     // One camera for the whole clip.
@@ -49,6 +97,27 @@ void run_render(const RenderOptions& options) {
     }
     const Camera camera = frame_camera(framing);
 
+    engine.fade(options.falloff);
+    // Lambert's light is a dot product afterwards; glossy light comes with the frame.
+    const bool glossy = options.reflectance.kind != Reflectance::Kind::lambert || options.direct;
+    const Palette palette = make_palette(choice.scene, options.reflectance);
+    if (glossy && options.shadows == Shadows::on) engine.look(palette, camera.eye, light);
+    if (const std::string warning =
+            glossy && !options.window && !options.direct ? ringing_warning(palette) : "";
+        !warning.empty())
+        std::fprintf(stderr, "%s\n", failure_line("--brdf", "warning: " + warning).c_str());
+    std::vector<StreamArray> shown;
+    if (glossy && options.show == Show::radiance && options.shadows == Shadows::on) {
+        shown.resize(1);
+        shown[0].kind = options.direct ? OutputKind::direct : OutputKind::radiance;
+        if (options.direct) engine.surround(environment, options.quality);
+    }
+    if (options.show != Show::radiance) {
+        shown.resize(1);
+        shown[0].kind =
+            options.show == Show::bent_normal ? OutputKind::bent_normal : OutputKind::ambient_occlusion;
+    }
+
     Progress progress("render");
     float exposure = 0;
     for (size_t k = 0; k < times.size(); ++k) {
@@ -60,7 +129,17 @@ void run_render(const RenderOptions& options) {
         std::vector<float> open = open_transfers(all.normals);
         std::vector<float> transfer;
         if (options.shadows == Shadows::on) {
-            engine.frame(pose, options.quality, transfer);
+            engine.frame(pose, options.quality, transfer, nullptr, &shown);
+        } else if (glossy) {
+            GlossyOptions trace;
+            trace.rays = options.rays;
+            trace.shadows = options.shadows == Shadows::traced;
+            trace.cancel = &interrupted();
+            trace.progress = [&](double part) {
+                progress.show((static_cast<double>(k) + part) / static_cast<double>(times.size()));
+            };
+            transfer = trace_glossy(traced, all, palette.materials, joined(palette), camera.eye, {}, trace);
+            throw_if_interrupted();
         } else if (options.shadows == Shadows::traced) {
             TraceOptions trace;
             trace.rays = options.rays;
@@ -80,10 +159,18 @@ void run_render(const RenderOptions& options) {
             exposure =
                 exposure_for(color_view(view, all, engine.shade(light.data(), open, white)), view.covered);
         }
-        const Image colored = color_view(view, all, engine.shade(light.data(), transfer, all.albedo));
         char name[32];
         std::snprintf(name, sizeof name, "frame_%04zu.png", k);
-        out.add(name, encode_png(finish_view(view, colored, exposure, &environment)));
+        Picture picture;
+        if (options.show == Show::radiance) {
+            const std::vector<float> radiance = !glossy ? engine.shade(light.data(), transfer, all.albedo)
+                                                : shown.empty() ? shade_glossy(light, transfer)
+                                                                : floats_of(shown[0]);
+            picture = finish_view(view, color_view(view, all, radiance), exposure, &environment);
+        } else {
+            picture = show_view(view, color_view(view, all, as_colours(shown[0])));
+        }
+        out.add(name, encode_png(picture));
         progress.show((static_cast<double>(k) + 1) / static_cast<double>(times.size()));
     }
     out.commit();

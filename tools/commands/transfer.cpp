@@ -41,14 +41,15 @@ void run_transfer(const TransferOptions& options) {
     Engine engine(choice.scene, options.engine, options.model);
     std::vector<float> transfer;
     std::vector<uint32_t> masks;
+    std::vector<StreamArray> streams = options.streams;
     std::vector<FrameStats> frames;
     {
         Progress progress("transfer");
         // The first frame of several pays for memory that the others find there.
-        if (options.repeat > 1) engine.frame(pose, options.quality, transfer, &masks);
+        if (options.repeat > 1) engine.frame(pose, options.quality, transfer, &masks, &streams);
         for (uint32_t k = 0; k < options.repeat; ++k) {
             throw_if_interrupted();
-            frames.push_back(engine.frame(pose, options.quality, transfer, &masks));
+            frames.push_back(engine.frame(pose, options.quality, transfer, &masks, &streams));
             progress.show((k + 1.0) / options.repeat);
         }
     }
@@ -61,6 +62,19 @@ void run_transfer(const TransferOptions& options) {
     out.add("transfer.npy", npy(transfer.data(), {vertices, 25}));
     const size_t words = quality_mask_bits(options.quality) / 32;
     out.add("masks.npy", npy(masks.data(), {vertices, words}));
+
+    Json written = Json::array();
+    for (const StreamArray& stream : streams) {
+        const std::string name = stream_name(stream);
+        out.add(name + ".npy", stream_npy(stream));
+        Json entry = {{"name", name}, {"bytes_a_vertex", stream.element()}};
+        if (stream.kind == OutputKind::transfer) {
+            const FormatError error = format_error(stream, transfer);
+            entry["format_error_mean"] = error.mean;
+            entry["format_error_p99"] = error.p99;
+        }
+        written.push_back(entry);
+    }
 
     const FrameStats& last = frames.back();
     const auto stage = [&](double FrameStats::*member) {
@@ -102,6 +116,7 @@ void run_transfer(const TransferOptions& options) {
         {"cull", stage(&FrameStats::cull_ms)},     {"transform", stage(&FrameStats::transform_ms)},
         {"raster", stage(&FrameStats::raster_ms)}, {"integrate", stage(&FrameStats::integrate_ms)},
         {"rotate", stage(&FrameStats::rotate_ms)}};
+    stats["outputs"] = written;
     stats["build"] = configuration();
     out.add("stats.json", stats.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
     out.commit();

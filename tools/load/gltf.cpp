@@ -451,6 +451,7 @@ Block read_block(Reader& reader, const tinygltf::Primitive& primitive, Source& s
         }
     }
     source.albedo.resize(source.positions.size(), glm::vec3(1.0f));
+    source.metallic_roughness.resize(source.positions.size(), glm::vec2(1.0f)); // glTF's default
 
     if (source.influences > 0) read_influences(reader, primitive, source, block, path);
 
@@ -474,6 +475,10 @@ Block read_block(Reader& reader, const tinygltf::Primitive& primitive, Source& s
     return block;
 }
 
+float clamp_unit(double factor) {
+    return factor >= 0 ? static_cast<float>(std::min(factor, 1.0)) : 0.0f; // NaN: 0
+}
+
 // A copy of vertex v at the end of every array.
 uint32_t duplicate(Source& source, size_t v) {
     const auto copy = static_cast<uint32_t>(source.positions.size());
@@ -481,6 +486,7 @@ uint32_t duplicate(Source& source, size_t v) {
     source.normals.push_back(source.normals[v]);
     source.normal_missing.push_back(source.normal_missing[v]);
     source.albedo.push_back(source.albedo[v]);
+    source.metallic_roughness.push_back(source.metallic_roughness[v]);
     for (size_t i = 0; i < source.influences; ++i) {
         source.joints.push_back(source.joints[v * source.influences + i]);
         source.weights.push_back(source.weights[v * source.influences + i]);
@@ -541,9 +547,12 @@ Source read_mesh(Reader& reader, size_t mesh_index) {
         Block& block = it->second;
 
         glm::vec3 base(1.0f);
+        glm::vec2 gloss(1.0f);
         if (primitive.material >= 0) {
-            const std::vector<double>& factor =
-                gltf.materials[static_cast<size_t>(primitive.material)].pbrMetallicRoughness.baseColorFactor;
+            const tinygltf::PbrMetallicRoughness& pbr =
+                gltf.materials[static_cast<size_t>(primitive.material)].pbrMetallicRoughness;
+            gloss = {clamp_unit(pbr.metallicFactor), clamp_unit(pbr.roughnessFactor)};
+            const std::vector<double>& factor = pbr.baseColorFactor;
             if (factor.size() == 4) base = glm::vec3(glm::dvec3(factor[0], factor[1], factor[2]));
         }
         for (const uint32_t corner : read_triangles(reader, primitive, block.count, path)) {
@@ -553,12 +562,15 @@ Source read_mesh(Reader& reader, size_t mesh_index) {
             if (owner == no_one) {
                 owner = primitive.material;
                 source.albedo[vertex] = colour;
-            } else if (owner != primitive.material && source.albedo[vertex] != colour) {
-                // Albedo is by vertex, so another colour needs another vertex.
+                source.metallic_roughness[vertex] = gloss;
+            } else if (owner != primitive.material &&
+                       (source.albedo[vertex] != colour || source.metallic_roughness[vertex] != gloss)) {
+                // Materials are by vertex, so another one needs another vertex.
                 const auto [copy, added] = block.duplicates.try_emplace({primitive.material, corner}, 0u);
                 if (added) {
                     copy->second = duplicate(source, vertex);
                     source.albedo[copy->second] = colour;
+                    source.metallic_roughness[copy->second] = gloss;
                 }
                 vertex = copy->second;
             }

@@ -5,6 +5,7 @@
 
 #include <glm/gtc/quaternion.hpp>
 #include <glm/mat4x4.hpp>
+#include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
 
 #include <cstdint>
@@ -57,6 +58,7 @@ struct Source {
     std::vector<uint8_t> normal_missing; // one a vertex, or none at all where no normal is missing
     std::vector<uint32_t> weld;          // first vertex at the same position; only where a normal is missing
     std::vector<glm::vec3> albedo;
+    std::vector<glm::vec2> metallic_roughness; // empty where the file has no materials
     std::vector<uint32_t> indices;
     std::vector<MorphTarget> targets;
     std::vector<float> target_weights;

@@ -183,4 +183,14 @@ Picture finish_view(const View& view, const Image& colored, float exposure, cons
     return picture;
 }
 
+Picture show_view(const View& view, const Image& colored) {
+    Picture picture(view.width, view.height);
+    for (size_t k = 0; k < picture.rgb.size(); ++k) {
+        const float part = static_cast<float>(view.covered[k / 3]) / samples_per_pixel;
+        const float value = std::clamp(colored.rgb[k], 0.0f, 1.0f);
+        picture.rgb[k] = static_cast<uint8_t>(255 * (value * part + 1 - part) + 0.5f);
+    }
+    return picture;
+}
+
 } // namespace nusselt::tools

@@ -52,4 +52,7 @@ Image color_view(const View& view, const Assembly& all, const std::vector<float>
 // Tone-mapped, over the environment, or over a neutral gradient where `environment` is null.
 Picture finish_view(const View& view, const Image& colored, float exposure, const Image* environment);
 
+// Numbers in [0, 1] as they are, linear to 8 bits, over white.
+Picture show_view(const View& view, const Image& colored);
+
 } // namespace nusselt::tools

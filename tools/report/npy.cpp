@@ -8,7 +8,7 @@ static_assert(std::endian::native == std::endian::little, "the arrays are writte
 
 namespace {
 
-std::string npy_bytes(const char* type, const void* data, const std::vector<size_t>& shape) {
+std::string npy_bytes(const char* type, const void* data, size_t item, const std::vector<size_t>& shape) {
     std::string header = std::string("{'descr': '") + type + "', 'fortran_order': False, 'shape': (";
     size_t count = 1;
     for (const size_t extent : shape) {
@@ -27,18 +27,30 @@ std::string npy_bytes(const char* type, const void* data, const std::vector<size
     bytes += static_cast<char>(header.size() & 0xFF);
     bytes += static_cast<char>(header.size() >> 8);
     bytes += header;
-    if (count > 0) bytes.append(static_cast<const char*>(data), count * 4);
+    if (count > 0) bytes.append(static_cast<const char*>(data), count * item);
     return bytes;
 }
 
 } // namespace
 
 std::string npy(const float* data, const std::vector<size_t>& shape) {
-    return npy_bytes("<f4", data, shape);
+    return npy_bytes("<f4", data, 4, shape);
 }
 
 std::string npy(const uint32_t* data, const std::vector<size_t>& shape) {
-    return npy_bytes("<u4", data, shape);
+    return npy_bytes("<u4", data, 4, shape);
+}
+
+std::string npy(const uint8_t* data, const std::vector<size_t>& shape) {
+    return npy_bytes("|u1", data, 1, shape);
+}
+
+std::string npy(const int8_t* data, const std::vector<size_t>& shape) {
+    return npy_bytes("|i1", data, 1, shape);
+}
+
+std::string npy_half(const uint16_t* data, const std::vector<size_t>& shape) {
+    return npy_bytes("<f2", data, 2, shape);
 }
 
 } // namespace nusselt::tools

@@ -17,6 +17,9 @@ Assembly assemble(const scenes::Scene& scene, const scenes::Pose& pose) {
         all.normals.insert(all.normals.end(), pose.normals[m].begin(), pose.normals[m].end());
         all.albedo.insert(all.albedo.end(), mesh.albedo.begin(), mesh.albedo.end());
         all.albedo.resize(all.positions.size(), glm::vec3(1));
+        all.metallic_roughness.insert(all.metallic_roughness.end(), mesh.metallic_roughness.begin(),
+                                      mesh.metallic_roughness.end());
+        all.metallic_roughness.resize(all.positions.size(), glm::vec2(0, 1));
         for (const uint32_t index : mesh.indices)
             all.indices.push_back(begin + index);
         all.mesh_begin.push_back(static_cast<uint32_t>(all.positions.size()));

@@ -3,6 +3,7 @@
 
 #include "bench/scenes/scene.h"
 
+#include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
 
 #include <cstdint>
@@ -12,6 +13,7 @@ namespace nusselt::tools {
 
 struct Assembly {
     std::vector<glm::vec3> positions, normals, albedo;
+    std::vector<glm::vec2> metallic_roughness; // (0, 1) where a mesh has none
     std::vector<uint32_t> indices;
     std::vector<uint32_t> mesh_begin; // first vertex of each mesh, and the end
 };

@@ -147,6 +147,7 @@ typedef struct nusselt_mesh_info {
 } nusselt_mesh_info;
 
 nusselt_status nusselt_add_mesh(nusselt_context* context, const nusselt_mesh_desc* desc, nusselt_mesh* out);
+nusselt_status nusselt_share_mesh(nusselt_context* context, nusselt_mesh mesh, nusselt_mesh* out);
 nusselt_status nusselt_remove_mesh(nusselt_context* context, nusselt_mesh mesh);
 nusselt_status nusselt_get_mesh_info(const nusselt_context* context, nusselt_mesh mesh,
                                      nusselt_mesh_info* out);
@@ -164,7 +165,7 @@ typedef struct nusselt_history {
 nusselt_status nusselt_create_history(nusselt_context* context, nusselt_history* out);
 nusselt_status nusselt_remove_history(nusselt_context* context, nusselt_history history);
 
-/* ---- frames: more than 64 meshes in one take a temporary allocation ---- */
+/* ---- frames: more than 64 meshes or 128 outputs in one take a temporary allocation ---- */
 
 /* 0 is the default, NUSSELT_QUALITY_STANDARD; the others are one more than nusselt::Quality. */
 enum {
@@ -182,6 +183,60 @@ typedef struct nusselt_frame {
     uint32_t generation;
 } nusselt_frame;
 
+/* As in nusselt/output.h, with the same numbers. */
+enum {
+    NUSSELT_OUTPUT_TRANSFER = 0,
+    NUSSELT_OUTPUT_AMBIENT_OCCLUSION = 1,
+    NUSSELT_OUTPUT_BENT_NORMAL = 2,
+    NUSSELT_OUTPUT_GLOSSY = 3,
+    NUSSELT_OUTPUT_RADIANCE = 4,
+    NUSSELT_OUTPUT_DIRECT = 5
+};
+enum { NUSSELT_FORMAT_FLOAT32 = 0, NUSSELT_FORMAT_FLOAT16 = 1, NUSSELT_FORMAT_PACKED8 = 2 };
+
+typedef struct nusselt_output {
+    uint32_t kind;
+    uint32_t format;
+    void* data;
+    size_t count;
+    size_t stride;   /* 0: nusselt_output_bytes */
+    uint32_t bands;  /* 0: 5 */
+    float window[5]; /* all 0: none */
+} nusselt_output;
+
+size_t nusselt_output_bytes(uint32_t kind, uint32_t format, uint32_t bands);
+void nusselt_unpack_transfer(const void* packed, uint32_t bands, float out[25]);
+
+/* As in nusselt/environment.h. `mask_bits` 0: 1024. `bad` may be null. */
+typedef struct nusselt_environment nusselt_environment;
+nusselt_status nusselt_create_environment(nusselt_context* context, const float* rgb, uint32_t width,
+                                          uint32_t height, uint32_t mask_bits, nusselt_environment** out,
+                                          uint64_t* bad);
+void nusselt_destroy_environment(nusselt_context* context, nusselt_environment* environment);
+
+/* As in nusselt/gloss.h, with the same members. */
+enum { NUSSELT_BRDF_PHONG = 0, NUSSELT_BRDF_GGX = 1 };
+
+typedef struct nusselt_material {
+    uint32_t brdf;
+    float diffuse[3];
+    float specular[3];
+    float roughness;   /* ggx */
+    uint32_t exponent; /* phong */
+} nusselt_material;
+
+typedef struct nusselt_gloss {
+    float eye[3];
+    uint32_t distant;
+    const nusselt_material* materials;
+    uint32_t material_count;
+    const uint16_t* material_of;
+} nusselt_gloss;
+
+nusselt_material nusselt_metallic_roughness(const float base_color[3], float metallic, float roughness);
+float nusselt_sharpest_roughness(uint32_t mask_bits);
+float nusselt_lobe_beyond_bands(const nusselt_material* material, uint32_t bands);
+
 typedef struct nusselt_frame_mesh {
     nusselt_mesh mesh;
     nusselt_vec3_view positions;
@@ -189,6 +244,12 @@ typedef struct nusselt_frame_mesh {
     nusselt_transfer_view transfer;
     nusselt_mask_view masks;
     const uint32_t* needed; /* bits of the vertices that need results; null: all */
+    const nusselt_output* outputs;
+    size_t output_size; /* sizeof(nusselt_output), where there are any */
+    uint32_t output_count;
+    uint32_t receive_only;      /* 1: it hides nothing */
+    const nusselt_gloss* gloss; /* for outputs of glossy light and radiance; may be null */
+    size_t gloss_size;          /* sizeof(nusselt_gloss), where there is one */
 } nusselt_frame_mesh;
 
 typedef struct nusselt_frame_desc {
@@ -200,8 +261,11 @@ typedef struct nusselt_frame_desc {
     uint32_t order;      /* bands of the transfer vectors, 1 to 5; 0: 5 */
     uint32_t same_pose;  /* 1: positions and normals are those of the history's last frame, and not read */
     const float* origin; /* 3 floats; null: chosen */
-    nusselt_history history; /* zero: everything is computed */
-    float budget_us;         /* 0: no limit */
+    nusselt_history history;                /* zero: everything is computed */
+    float budget_us;                        /* 0: no limit */
+    float falloff_from, falloff_to;         /* as nusselt::Falloff; 0: none */
+    const float* light;                     /* 75, for outputs of radiance; may be null */
+    const nusselt_environment* environment; /* for outputs of direct light; may be null */
 } nusselt_frame_desc;
 
 typedef struct nusselt_frame_stats {
@@ -245,6 +309,9 @@ nusselt_status nusselt_sh_project_latlong(const float* rgb, uint32_t width, uint
                                           uint64_t* bad);
 void nusselt_sh_rotate(const float rotation[9], const float coefficients[25], float out[25]);
 void nusselt_turn_light(const float object_to_world[9], const float light[75], float out[75]);
+enum { NUSSELT_WINDOW_HANN = 0, NUSSELT_WINDOW_LANCZOS = 1 };
+void nusselt_sh_window(uint32_t window, float width, float out[5]);
+void nusselt_sh_apply_window(const float window[5], uint32_t channels, float* coefficients);
 /* `order`: that of the frame; 0: 5. */
 nusselt_status nusselt_shade(const nusselt_context* context, const float light[75], uint32_t order,
                              nusselt_transfer_view transfer, nusselt_vec3_view albedo, float* rgb);

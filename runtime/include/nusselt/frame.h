@@ -1,8 +1,11 @@
 // Frames: positions in, transfer vectors out.
 #pragma once
 
+#include "nusselt/environment.h"
+#include "nusselt/gloss.h"
 #include "nusselt/history.h"
 #include "nusselt/mesh.h"
+#include "nusselt/output.h"
 
 namespace nusselt {
 
@@ -30,11 +33,30 @@ struct FrameMesh {
     MeshId mesh;
     Vec3View positions;    // of this frame, in the space common to all meshes of the frame
     Vec3View normals;      // unit length within 1 %; also the receivers' hemisphere axes
-    TransferView transfer; // data null: the mesh blocks but does not receive
-    MaskView masks;        // optional
+    TransferView transfer; // data null and no outputs: the mesh blocks but does not receive
+    MaskView masks;        // optional; only of a mesh that receives
     // Bit v % 32 of word v / 32 is set where vertex v needs its results; (V + 31) / 32 words. The others' are
     // left as they are in the arrays. Null: all need them. mark_visible (visible.h) makes it from a camera.
     const uint32_t* needed = nullptr;
+    // Further streams; a mesh with any receives. Their descriptions are copied by `submit`. They are made of
+    // all five bands, whatever FrameDesc::order. With a history, of transfer vectors alone: not glossy, not
+    // direct.
+    const Output* outputs = nullptr;
+    uint32_t output_count = 0;
+    const Gloss* gloss = nullptr; // for outputs that depend on the view
+    // 1: the mesh hides nothing, not even of itself, and its levels of detail are not looked at: a ground
+    // that only takes shadows, a particle, a probe.
+    uint32_t receive_only = 0;
+};
+
+// Occlusion that fades with distance, as artists use it: blockers nearer than `from` hide all of the light
+// from behind them, those beyond `to` none, in between as a smooth step. In the unit of the positions. It is
+// no physical light: what is far away hides the sky in truth. Use it where only contact should darken, in a
+// room say, or where a far blocker is another object's business; it also makes frames cheaper. The step has
+// four stairs, which triangles smaller than a stair climb as a whole, larger ones point by point.
+struct Falloff {
+    float from = 0;
+    float to = 0; // 0: none, all distances count
 };
 
 // The meshes of one frame form one shadow group: each blocks itself and all others.
@@ -61,12 +83,18 @@ struct FrameDesc {
     // get those of a receiver without blockers. The longest stale go first, of these the most changed; so
     // all get their turn. Without a budget, same input gives the same bits; with one, time decides.
     float budget_us = 0;
+    // Light for outputs of radiance, 25 terms of 3 channels as sh_project_latlong writes them; copied by
+    // `submit`. Null: none of them is asked for.
+    const float* light = nullptr;
+    // For outputs of direct light, made for the quality's mask bits; borrowed until `wait` returns.
+    const Environment* environment = nullptr;
+    Falloff falloff = {}; // not with quality `paper`, a history, glossy or direct outputs
 };
 
 // Counts of work done and of work skipped, summed over the frame, and CPU time summed over threads.
 struct FrameStats {
-    uint32_t receivers = 0;          // vertices that asked for a transfer vector and need it
-    uint32_t receivers_unneeded = 0; // vertices that asked, with their bit of FrameMesh::needed not set
+    uint32_t receivers = 0;          // vertices of meshes that receive, and need it
+    uint32_t receivers_unneeded = 0; // the others: their bit of FrameMesh::needed is not set
     uint32_t receivers_computed = 0; // of `receivers`, through the kernels
     uint32_t receivers_copied = 0;   // of `receivers`, with the position and normal of another one
     uint32_t receivers_inside = 0; // of those computed, inside a closed part: all blocked, nothing rasterised

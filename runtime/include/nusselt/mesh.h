@@ -48,6 +48,11 @@ struct MeshInfo {
 // 2^27 vertices or triangles.
 Status add_mesh(Context* context, const MeshDesc& desc, MeshId* out);
 
+// Another handle of the same mesh, for one more that is drawn beside it: in the same frame, in another pose.
+// Levels of detail and everything else that add_mesh made are shared; it takes no memory beyond the handle's.
+// Each handle is removed for itself.
+Status share_mesh(Context* context, MeshId mesh, MeshId* out);
+
 // Removes a mesh. `busy` while a frame that uses it is in flight.
 Status remove_mesh(Context* context, MeshId mesh);
 

@@ -1,0 +1,167 @@
+// The scalar reference of the light kernels.
+#include "kernels/light_sets.h"
+
+#include <cmath>
+
+namespace nusselt::kernels {
+
+namespace {
+
+void shade_batch(const float light[75], const float transfer[3][25][lanes], float rgb[3][lanes]) {
+    for (uint32_t c = 0; c < 3; ++c) {
+        for (uint32_t lane = 0; lane < lanes; ++lane) {
+            float sum = 0;
+            for (uint32_t i = 0; i < 25; ++i)
+                sum += light[i * 3 + c] * transfer[c][i][lane];
+            rgb[c][lane] = sum;
+        }
+    }
+}
+
+// pi times the BRDF without the diffuse part that the view does not change, for each channel.
+void respond(const Reflection& r, const float d[3], uint32_t channels, float out[3]) {
+    if (r.lobe == Lobe::phong) {
+        // Mirrored about the normal; normalised as (e + 2) / (2 pi) cos^e.
+        const float cosine = r.view[2] * d[2] - (r.view[0] * d[0] + r.view[1] * d[1]);
+        float power = 1, square = cosine > 0 ? cosine : 0;
+        for (uint32_t e = r.exponent; e; e >>= 1) {
+            if (e & 1) power = power * square;
+            square = square * square;
+        }
+        const float peak = 0.5f * (float(r.exponent) + 2.0f);
+        for (uint32_t c = 0; c < channels; ++c)
+            out[c] = r.specular[c] * peak * power;
+        return;
+    }
+    const float square = r.alpha * r.alpha, rest = 1.0f - square;
+    const float view_side = r.view[2] + std::sqrt(square + rest * (r.view[2] * r.view[2]));
+    const float q = 2.0f + 2.0f * (r.view[0] * d[0] + r.view[1] * d[1] + r.view[2] * d[2]); // |d + v|^2
+    const float s = d[2] + r.view[2];
+    const float a = q - s * s * rest;
+    const float light_side = d[2] + std::sqrt(square + rest * (d[2] * d[2]));
+    const float glitter = square / view_side * (q * q) / (a * a * light_side);
+    const float t = 1.0f - 0.5f * std::sqrt(q); // 1 - v.h
+    const float edge = t * t * (t * t) * t;
+    for (uint32_t c = 0; c < channels; ++c)
+        out[c] = glitter * (r.specular[c] + (1.0f - r.specular[c]) * edge) - r.diffuse[c] * edge;
+}
+
+// Whether the direction lies in the core of the lobe, where the BRDF varies within a block.
+bool in_core(const Reflection& r, const float d[3]) {
+    return r.view[2] * d[2] - (r.view[0] * d[0] + r.view[1] * d[1]) > r.core;
+}
+
+// The open part of a block, in the unit of the integer tables.
+int16_t open_part(const Tables& tables, uint32_t block, uint32_t blocked, uint32_t column) {
+    uint16_t rest = uint16_t(tables.blocks[size_t(block) * sh_columns + column]);
+    for (uint32_t row = 0; row < 4; ++row) {
+        const size_t pattern = (size_t(block) * 4 + row) * 16 + (blocked >> (4 * row) & 15);
+        rest = uint16_t(rest - uint16_t(tables.nibbles[pattern * sh_columns + column]));
+    }
+    return int16_t(rest);
+}
+
+// Sums of even and of odd bits or blocks: two chains of additions.
+using GlossySums = float[3][2][sh_columns];
+
+void add_core(const CellTables& cells, uint32_t block, uint32_t blocked, const Reflection& r,
+              uint32_t channels, GlossySums& sums) {
+    for (uint32_t k = 0; k < 16; ++k) {
+        if (blocked >> k & 1) continue;
+        const uint32_t bit = block * 16 + k;
+        const float d[3] = {cells.bit_direction[0][bit], cells.bit_direction[1][bit],
+                            cells.bit_direction[2][bit]};
+        float response[3];
+        respond(r, d, channels, response);
+        for (uint32_t c = 0; c < channels; ++c) {
+            for (uint32_t i = 0; i < sh_columns; ++i)
+                sums[c][k % 2][i] += response[c] * cells.bit_weights[size_t(bit) * sh_columns + i];
+        }
+    }
+}
+
+void integrate_glossy(const Tables& tables, const CellTables& cells, const uint8_t* masks, uint32_t valid,
+                      const Reflection reflections[lanes], uint32_t channels,
+                      const float diffuse_local[25][lanes], float local[][25][lanes]) {
+    for (uint32_t lane = 0; lane < lanes; ++lane) {
+        const Reflection& r = reflections[lane];
+        const bool present = valid >> lane & 1;
+        const uint8_t* mask = masks + size_t(lane) * mask_bytes(tables.layout);
+        GlossySums sums = {};
+        for (uint32_t block = 0; present && block < mask_blocks(tables.layout); ++block) {
+            const uint32_t blocked = uint32_t(mask[2 * block]) | uint32_t(mask[2 * block + 1]) << 8;
+            if (blocked == 0xFFFF) continue;
+            const float d[3] = {cells.block_direction[0][block], cells.block_direction[1][block],
+                                cells.block_direction[2][block]};
+            if (in_core(r, d)) {
+                add_core(cells, block, blocked, r, channels, sums);
+                continue;
+            }
+            float response[3];
+            respond(r, d, channels, response);
+            for (uint32_t c = 0; c < channels; ++c) {
+                for (uint32_t i = 0; i < sh_columns; ++i)
+                    sums[c][block % 2][i] += response[c] * float(open_part(tables, block, blocked, i));
+            }
+        }
+        for (uint32_t c = 0; c < channels; ++c) {
+            for (uint32_t i = 0; i < 25; ++i) {
+                const float glossy = (sums[c][0][i] + sums[c][1][i]) * tables.scale[i];
+                local[c][i][lane] = present ? r.diffuse[c] * diffuse_local[i][lane] + glossy : 0.0f;
+            }
+        }
+    }
+}
+
+// The texel of a direction in a level's octahedral map.
+uint32_t texel_of(const SkyMap& sky, uint32_t level, const float d[3]) {
+    const float sum = std::fabs(d[0]) + std::fabs(d[1]) + std::fabs(d[2]);
+    float u = d[0] / sum, v = d[1] / sum;
+    if (d[2] < 0) {
+        const float across = 1.0f - std::fabs(v), along = 1.0f - std::fabs(u);
+        u = u < 0 ? -across : across;
+        v = v < 0 ? -along : along;
+    }
+    const float half = 0.5f * float(sky.size[level]), top = float(sky.size[level] - 1);
+    const auto cell = [&](float x) {
+        const float at = x * half + half;
+        return uint32_t(at > 0 ? (at < top ? at : top) : 0.0f);
+    };
+    return sky.begin[level] + cell(v) * sky.size[level] + cell(u);
+}
+
+void integrate_sky(const Tables& tables, const CellTables& cells, const SkyMap& sky, const Batch& batch,
+                   const uint8_t* masks, const Reflection* reflections, float rgb[3][lanes]) {
+    const uint32_t bits = mask_bits(tables.layout);
+    for (uint32_t lane = 0; lane < lanes; ++lane) {
+        const uint8_t* mask = masks + size_t(lane) * mask_bytes(tables.layout);
+        float sum[4][3] = {}; // of every fourth bit: four chains of additions
+        for (uint32_t bit = 0; bit < bits && (batch.valid >> lane & 1); ++bit) {
+            if ((mask[bit / 8] >> (bit % 8) & 1) || cells.level[bit] == sky_levels) continue;
+            const float local[3] = {cells.bit_direction[0][bit], cells.bit_direction[1][bit],
+                                    cells.bit_direction[2][bit]};
+            float d[3];
+            for (uint32_t k = 0; k < 3; ++k)
+                d[k] = batch.axis[0][k][lane] * local[0] + batch.axis[1][k][lane] * local[1] +
+                       batch.axis[2][k][lane] * local[2];
+            const float* texel = sky.texels + 4 * size_t(texel_of(sky, cells.level[bit], d));
+            float factor[3] = {cells.share[bit], cells.share[bit], cells.share[bit]};
+            if (reflections) {
+                float response[3];
+                respond(reflections[lane], local, 3, response);
+                for (uint32_t c = 0; c < 3; ++c)
+                    factor[c] = cells.share[bit] * (response[c] + reflections[lane].diffuse[c]);
+            }
+            for (uint32_t c = 0; c < 3; ++c)
+                sum[bit % 4][c] += factor[c] * texel[c];
+        }
+        for (uint32_t c = 0; c < 3; ++c)
+            rgb[c][lane] = (sum[0][c] + sum[1][c]) + (sum[2][c] + sum[3][c]);
+    }
+}
+
+} // namespace
+
+const LightKernels reference_light_kernels = {shade_batch, integrate_glossy, integrate_sky};
+
+} // namespace nusselt::kernels

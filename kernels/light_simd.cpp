@@ -1,0 +1,359 @@
+// The light kernels for SSE4, AVX2 and AVX-512, or NEON: one source, bit for bit equal to
+// light_reference.cpp.
+#include "kernels/light_sets.h"
+
+#include <cstring>
+
+#define HWY_WANT_SSE4 1
+#if defined(__aarch64__)
+#define HWY_COMPILE_ONLY_STATIC // NEON alone: the vectors of SVE have no size
+#endif
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "kernels/light_simd.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace nusselt::kernels {
+namespace HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+using Float = hn::CappedTag<float, lanes>;
+using Word = hn::RebindToUnsigned<Float>;
+using Int = hn::RebindToSigned<Float>;
+using V = hn::Vec<Float>;
+
+constexpr Float df;
+constexpr Word du;
+constexpr Int di;
+constexpr uint32_t width = hn::MaxLanes(Float()); // lanes of a chunk
+
+HWY_INLINE V constant(float value) {
+    return hn::Set(df, value);
+}
+HWY_INLINE V load(const float* row, uint32_t lane) {
+    return hn::Load(df, row + lane);
+}
+
+void shade_batch(const float light[75], const float transfer[3][25][lanes], float rgb[3][lanes]) {
+    for (uint32_t c = 0; c < 3; ++c) {
+        for (uint32_t lane = 0; lane < lanes; lane += width) {
+            V sum = hn::Zero(df);
+            for (uint32_t i = 0; i < 25; ++i)
+                sum = hn::Add(sum, hn::Mul(constant(light[i * 3 + c]), load(transfer[c][i], lane)));
+            hn::Store(sum, df, rgb[c] + lane);
+        }
+    }
+}
+
+// The BRDF at 16 directions as in outputs_reference.cpp; lanes are directions here.
+HWY_INLINE void respond(const Reflection& r, V x, V y, V z, uint32_t channels, V out[3]) {
+    const V vx = constant(r.view[0]), vy = constant(r.view[1]), vz = constant(r.view[2]);
+    const V aside = hn::Add(hn::Mul(vx, x), hn::Mul(vy, y)), along = hn::Mul(vz, z);
+    const V one = constant(1.0f);
+    if (r.lobe == Lobe::phong) {
+        V power = one, square = hn::Max(hn::Sub(along, aside), hn::Zero(df));
+        for (uint32_t e = r.exponent; e; e >>= 1) {
+            if (e & 1) power = hn::Mul(power, square);
+            square = hn::Mul(square, square);
+        }
+        const float peak = 0.5f * (float(r.exponent) + 2.0f);
+        for (uint32_t c = 0; c < channels; ++c)
+            out[c] = hn::Mul(constant(r.specular[c] * peak), power);
+        return;
+    }
+    const float square = r.alpha * r.alpha, rest = 1.0f - square;
+    const float view_side =
+        r.view[2] + hn::GetLane(hn::Sqrt(constant(square + rest * (r.view[2] * r.view[2]))));
+    const V two = constant(2.0f);
+    const V q = hn::Add(two, hn::Mul(two, hn::Add(aside, along)));
+    const V s = hn::Add(z, vz);
+    const V a = hn::Sub(q, hn::Mul(hn::Mul(s, s), constant(rest)));
+    const V light_side =
+        hn::Add(z, hn::Sqrt(hn::Add(constant(square), hn::Mul(constant(rest), hn::Mul(z, z)))));
+    const V glitter =
+        hn::Div(hn::Mul(constant(square / view_side), hn::Mul(q, q)), hn::Mul(hn::Mul(a, a), light_side));
+    const V t = hn::Sub(one, hn::Mul(constant(0.5f), hn::Sqrt(q)));
+    const V edge = hn::Mul(hn::Mul(hn::Mul(t, t), hn::Mul(t, t)), t);
+    for (uint32_t c = 0; c < channels; ++c) {
+        const V fresnel = hn::Add(constant(r.specular[c]), hn::Mul(constant(1.0f - r.specular[c]), edge));
+        out[c] = hn::Sub(hn::Mul(glitter, fresnel), hn::Mul(constant(r.diffuse[c]), edge));
+    }
+}
+
+constexpr uint32_t column_registers = sh_columns / width;
+
+HWY_INLINE V from_integers(const int16_t* row) {
+    const hn::Rebind<int16_t, Float> narrow;
+    return hn::ConvertTo(df, hn::PromoteTo(di, hn::Load(narrow, row)));
+}
+
+template<uint32_t channels>
+struct Sums {
+    V column[channels][column_registers];
+
+    HWY_INLINE Sums() {
+        for (auto& channel : column) {
+            for (V& v : channel)
+                v = hn::Zero(df);
+        }
+    }
+    // += response of each channel times the row.
+    HWY_INLINE void add(const float* const response[3], uint32_t at, const V row[column_registers]) {
+        for (uint32_t c = 0; c < channels; ++c) {
+            const V factor = constant(response[c][at]);
+            for (uint32_t i = 0; i < column_registers; ++i)
+                column[c][i] = hn::Add(column[c][i], hn::Mul(factor, row[i]));
+        }
+    }
+};
+
+// The open part of a block, in the unit of the integer tables.
+HWY_INLINE void open_row(const Tables& tables, uint32_t block, uint32_t blocked, V row[column_registers]) {
+    const int16_t* full = tables.blocks + size_t(block) * sh_columns;
+    if (blocked == 0) {
+        for (uint32_t i = 0; i < column_registers; ++i)
+            row[i] = from_integers(full + i * width);
+        return;
+    }
+    const hn::CappedTag<int16_t, sh_columns> d;
+    constexpr uint32_t step = hn::MaxLanes(hn::CappedTag<int16_t, sh_columns>());
+    alignas(64) int16_t open[sh_columns];
+    const int16_t* rows = tables.nibbles + size_t(block) * 4 * 16 * sh_columns;
+    for (uint32_t i = 0; i < sh_columns; i += step) {
+        auto rest = hn::Load(d, full + i);
+        for (uint32_t k = 0; k < 4; ++k)
+            rest = hn::Sub(rest, hn::Load(d, rows + (k * 16 + (blocked >> (4 * k) & 15)) * sh_columns + i));
+        hn::Store(rest, d, open + i);
+    }
+    for (uint32_t i = 0; i < column_registers; ++i)
+        row[i] = from_integers(open + i * width);
+}
+
+// A block in the core of the lobe, bit by bit.
+template<uint32_t channels>
+HWY_INLINE void add_core(const CellTables& cells, uint32_t block, uint32_t blocked, const Reflection& r,
+                         Sums<channels>& even, Sums<channels>& odd) {
+    alignas(64) float response[3][lanes];
+    const float* const responses[3] = {response[0], response[1], response[2]};
+    for (uint32_t k = 0; k < lanes; k += width) {
+        V out[3];
+        const uint32_t bit = block * 16 + k;
+        respond(r, load(cells.bit_direction[0], bit), load(cells.bit_direction[1], bit),
+                load(cells.bit_direction[2], bit), channels, out);
+        for (uint32_t c = 0; c < channels; ++c)
+            hn::Store(out[c], df, response[c] + k);
+    }
+    const float* weights = cells.bit_weights + size_t(block) * 16 * sh_columns;
+    V row[column_registers];
+    for (uint32_t k = 0; k < 16; k += 2, weights += 2 * sh_columns) {
+        if (!(blocked >> k & 1)) {
+            for (uint32_t j = 0; j < column_registers; ++j)
+                row[j] = hn::Load(df, weights + j * width);
+            even.add(responses, k, row);
+        }
+        if (!(blocked >> k & 2)) {
+            for (uint32_t j = 0; j < column_registers; ++j)
+                row[j] = hn::Load(df, weights + sh_columns + j * width);
+            odd.add(responses, k + 1, row);
+        }
+    }
+}
+
+template<uint32_t channels>
+void integrate_lane(const Tables& tables, const CellTables& cells, const uint8_t* mask, const Reflection& r,
+                    float sum[3][sh_columns]) {
+    constexpr uint32_t group = lanes; // blocks whose BRDF is found together
+    alignas(64) float response[3][group], along[group];
+    const float* const responses[3] = {response[0], response[1], response[2]};
+    const V vx = constant(r.view[0]), vy = constant(r.view[1]), vz = constant(r.view[2]);
+    Sums<channels> even, odd; // bits or blocks: two chains of additions
+    for (uint32_t first = 0; first < mask_blocks(tables.layout); first += group) {
+        for (uint32_t i = 0; i < group; i += width) {
+            const V x = load(cells.block_direction[0], first + i),
+                    y = load(cells.block_direction[1], first + i),
+                    z = load(cells.block_direction[2], first + i);
+            V out[3];
+            respond(r, x, y, z, channels, out);
+            for (uint32_t c = 0; c < channels; ++c)
+                hn::Store(out[c], df, response[c] + i);
+            hn::Store(hn::Sub(hn::Mul(vz, z), hn::Add(hn::Mul(vx, x), hn::Mul(vy, y))), df, along + i);
+        }
+        for (uint32_t i = 0; i < group; i += 2) {
+            uint16_t blocked[2];
+            std::memcpy(blocked, mask + size_t(2) * (first + i), 4);
+            V row[column_registers];
+            if (blocked[0] != 0xFFFF) {
+                if (along[i] > r.core) {
+                    add_core(cells, first + i, blocked[0], r, even, odd);
+                } else {
+                    open_row(tables, first + i, blocked[0], row);
+                    even.add(responses, i, row);
+                }
+            }
+            if (blocked[1] != 0xFFFF) {
+                if (along[i + 1] > r.core) {
+                    add_core(cells, first + i + 1, blocked[1], r, even, odd);
+                } else {
+                    open_row(tables, first + i + 1, blocked[1], row);
+                    odd.add(responses, i + 1, row);
+                }
+            }
+        }
+    }
+    for (uint32_t c = 0; c < channels; ++c) {
+        for (uint32_t i = 0; i < column_registers; ++i)
+            hn::Store(hn::Add(even.column[c][i], odd.column[c][i]), df, sum[c] + i * width);
+    }
+}
+
+void integrate_glossy(const Tables& tables, const CellTables& cells, const uint8_t* masks, uint32_t valid,
+                      const Reflection reflections[lanes], uint32_t channels,
+                      const float diffuse_local[25][lanes], float local[][25][lanes]) {
+    for (uint32_t lane = 0; lane < lanes; ++lane) {
+        const Reflection& r = reflections[lane];
+        alignas(64) float sum[3][sh_columns];
+        const bool present = valid >> lane & 1;
+        const uint8_t* mask = masks + size_t(lane) * mask_bytes(tables.layout);
+        if (present && channels == 1) integrate_lane<1>(tables, cells, mask, r, sum);
+        if (present && channels == 3) integrate_lane<3>(tables, cells, mask, r, sum);
+        for (uint32_t c = 0; c < channels; ++c) {
+            for (uint32_t i = 0; i < 25; ++i)
+                local[c][i][lane] =
+                    present ? r.diffuse[c] * diffuse_local[i][lane] + sum[c][i] * tables.scale[i] : 0.0f;
+        }
+    }
+}
+
+// As in light_reference.cpp, of `width` cells.
+HWY_INLINE hn::Vec<Word> texels_of(const SkyMap& sky, const uint32_t* level, V x, V y, V z) {
+    alignas(64) float sizes[lanes];
+    alignas(64) uint32_t begins[lanes], along_side[lanes];
+    for (uint32_t k = 0; k < width; ++k) {
+        const uint32_t l = level[k] < sky_levels ? level[k] : 0;
+        sizes[k] = float(sky.size[l]);
+        along_side[k] = sky.size[l];
+        begins[k] = sky.begin[l];
+    }
+    const V zero = hn::Zero(df), one = constant(1.0f);
+    const V sum = hn::Add(hn::Add(hn::Abs(x), hn::Abs(y)), hn::Abs(z));
+    V u = hn::Div(x, sum), v = hn::Div(y, sum);
+    const auto below = hn::Lt(z, zero);
+    const V across = hn::Sub(one, hn::Abs(v)), along = hn::Sub(one, hn::Abs(u));
+    const V folded_u = hn::IfThenElse(hn::Lt(u, zero), hn::Neg(across), across);
+    const V folded_v = hn::IfThenElse(hn::Lt(v, zero), hn::Neg(along), along);
+    u = hn::IfThenElse(below, folded_u, u);
+    v = hn::IfThenElse(below, folded_v, v);
+    const V size = hn::Load(df, sizes), half = hn::Mul(constant(0.5f), size), top = hn::Sub(size, one);
+    const auto cell = [&](V at) HWY_ATTR {
+        const V place = hn::Add(hn::Mul(at, half), half);
+        return hn::BitCast(du, hn::ConvertTo(di, hn::Min(hn::Max(place, zero), top)));
+    };
+    return hn::Add(hn::Load(du, begins), hn::Add(hn::Mul(cell(v), hn::Load(du, along_side)), cell(u)));
+}
+
+void integrate_sky(const Tables& tables, const CellTables& cells, const SkyMap& sky, const Batch& batch,
+                   const uint8_t* masks, const Reflection* reflections, float rgb[3][lanes]) {
+    // Registers of four hold a colour, as the map does.
+    const hn::CappedTag<float, 4> d4;
+    for (uint32_t lane = 0; lane < lanes; ++lane) {
+        rgb[0][lane] = rgb[1][lane] = rgb[2][lane] = 0;
+        if (!(batch.valid >> lane & 1)) continue;
+        const uint8_t* mask = masks + size_t(lane) * mask_bytes(tables.layout);
+        auto sum0 = hn::Zero(d4), sum1 = sum0, sum2 = sum0, sum3 = sum0;
+        for (uint32_t block = 0; block < mask_blocks(tables.layout); ++block) {
+            uint16_t blocked;
+            std::memcpy(&blocked, mask + size_t(2) * block, 2);
+            if (blocked == 0xFFFF) continue;
+            alignas(64) uint32_t texel[lanes];
+            alignas(64) float factor[lanes][4]; // share times pi f_r
+            for (uint32_t k = 0; k < lanes; k += width) {
+                const uint32_t bit = block * 16 + k;
+                const V lx = load(cells.bit_direction[0], bit), ly = load(cells.bit_direction[1], bit),
+                        lz = load(cells.bit_direction[2], bit);
+                const auto world = [&](uint32_t axis) HWY_ATTR {
+                    return hn::Add(hn::Add(hn::Mul(constant(batch.axis[0][axis][lane]), lx),
+                                           hn::Mul(constant(batch.axis[1][axis][lane]), ly)),
+                                   hn::Mul(constant(batch.axis[2][axis][lane]), lz));
+                };
+                hn::Store(texels_of(sky, cells.level + bit, world(0), world(1), world(2)), du, texel + k);
+                if (!reflections) continue;
+                V out[3];
+                alignas(64) float values[3][lanes];
+                respond(reflections[lane], lx, ly, lz, 3, out);
+                for (uint32_t c = 0; c < 3; ++c)
+                    hn::Store(hn::Mul(load(cells.share, bit),
+                                      hn::Add(out[c], constant(reflections[lane].diffuse[c]))),
+                              df, values[c]);
+                for (uint32_t i = 0; i < width; ++i) {
+                    for (uint32_t c = 0; c < 4; ++c)
+                        factor[k + i][c] = c < 3 ? values[c][i] : 0.0f;
+                }
+            }
+            const auto add = [&](auto& sum, uint32_t k) HWY_ATTR {
+                if ((blocked >> k & 1) || cells.level[block * 16 + k] == sky_levels) return;
+                const auto colour = hn::Load(d4, sky.texels + 4 * size_t(texel[k]));
+                const auto own =
+                    reflections ? hn::Load(d4, factor[k]) : hn::Set(d4, cells.share[block * 16 + k]);
+                sum = hn::Add(sum, hn::Mul(own, colour));
+            };
+            for (uint32_t k = 0; k < lanes; k += 4) {
+                add(sum0, k);
+                add(sum1, k + 1);
+                add(sum2, k + 2);
+                add(sum3, k + 3);
+            }
+        }
+        const auto total = hn::Add(hn::Add(sum0, sum1), hn::Add(sum2, sum3));
+        alignas(16) float colour[4];
+        hn::Store(total, d4, colour);
+        for (uint32_t c = 0; c < 3; ++c)
+            rgb[c][lane] = colour[c];
+    }
+}
+
+} // namespace
+
+extern const LightKernels light_table;
+const LightKernels light_table = {shade_batch, integrate_glossy, integrate_sky};
+
+} // namespace HWY_NAMESPACE
+} // namespace nusselt::kernels
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace nusselt::kernels {
+
+// As in simd.cpp: null where the compiler lacks the set.
+#if HWY_ARCH_X86
+const LightKernels* sse4_light_kernels() {
+#if HWY_TARGETS & HWY_SSE4
+    return &N_SSE4::light_table;
+#else
+    return nullptr;
+#endif
+}
+const LightKernels* avx2_light_kernels() {
+#if HWY_TARGETS & HWY_AVX2
+    return &N_AVX2::light_table;
+#else
+    return nullptr;
+#endif
+}
+const LightKernels* avx512_light_kernels() {
+#if HWY_TARGETS & HWY_AVX3
+    return &N_AVX3::light_table;
+#else
+    return nullptr;
+#endif
+}
+#else
+const LightKernels* neon_light_kernels() {
+    return &N_NEON::light_table;
+}
+#endif
+
+} // namespace nusselt::kernels
+#endif

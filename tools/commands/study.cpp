@@ -1,0 +1,128 @@
+#include "tools/commands/study.h"
+
+#include "tools/commands/choice.h"
+#include "tools/report/failure.h"
+#include "tools/report/output.h"
+#include "tools/report/progress.h"
+
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <cstdio>
+
+namespace nusselt::tools {
+
+namespace {
+
+struct Topic {
+    const char* name;
+    Table (*run)(const Subject& subject, const StudyOptions& options);
+};
+constexpr Topic topics[] = {{"glossy", study_glossy}, {"direct", study_direct}, {"objects", study_objects}};
+
+Subject subject_of(const StudyOptions& options) {
+    Subject subject;
+    double time = 0;
+    if (options.model.empty()) {
+        subject.scene = scenes::builtin(options.scene);
+        subject.name = options.scene;
+        if (subject.scene.meshes.empty())
+            throw Failure("--scene",
+                          "there is no scene '" + options.scene + "'; choose cloth, fight, chess, hand",
+                          exit_usage);
+        time = 0.3 * subject.scene.duration;
+    } else {
+        const Choice choice = choose(options.model, options.clip, true);
+        subject.scene = choice.scene;
+        subject.name = choice.model.name;
+        time = 0.5 * subject.scene.duration;
+    }
+    subject.scene.pose(time, subject.pose);
+    return subject;
+}
+
+} // namespace
+
+std::string percent(double part) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.2f %%", 100 * part);
+    return text;
+}
+
+std::string to_text(const Table& table) {
+    std::vector<size_t> widths;
+    for (size_t k = 0; k < table.columns.size(); ++k) {
+        widths.push_back(table.columns[k].size());
+        for (const auto& row : table.rows)
+            widths[k] = std::max(widths[k], row[k].size());
+    }
+    std::string text;
+    const auto line = [&](const std::vector<std::string>& cells) {
+        std::string row;
+        for (size_t k = 0; k < cells.size(); ++k)
+            row += cells[k] + std::string(widths[k] - cells[k].size() + 2, ' ');
+        row.erase(row.find_last_not_of(' ') + 1);
+        text += row + "\n";
+    };
+    line(table.columns);
+    for (const auto& row : table.rows)
+        line(row);
+    return text;
+}
+
+std::string to_json(const Table& table, const std::string& topic, const std::string& subject) {
+    nlohmann::ordered_json json = {{"topic", topic}, {"subject", subject}, {"build", configuration()}};
+    json["rows"] = nlohmann::ordered_json::array();
+    for (const auto& row : table.rows) {
+        nlohmann::ordered_json entry;
+        for (size_t k = 0; k < row.size(); ++k)
+            entry[table.columns[k]] = row[k];
+        json["rows"].push_back(entry);
+    }
+    return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+}
+
+std::vector<double> measure_in_turns(uint32_t rounds, const std::vector<std::function<double()>>& ways) {
+    std::vector<std::vector<double>> times(ways.size());
+    for (uint32_t round = 0; round < rounds + 1; ++round) {
+        throw_if_interrupted();
+        for (size_t k = 0; k < ways.size(); ++k) {
+            const double time = ways[k]();
+            if (round > 0) times[k].push_back(time); // the first pays for memory that the others find there
+        }
+    }
+    std::vector<double> medians;
+    for (std::vector<double>& own : times) {
+        std::sort(own.begin(), own.end());
+        medians.push_back(own[own.size() / 2]);
+    }
+    return medians;
+}
+
+std::vector<uint32_t> choose_receivers(size_t vertices, size_t most) {
+    std::vector<uint32_t> chosen;
+    const size_t count = std::min(vertices, most);
+    for (size_t k = 0; k < count; ++k)
+        chosen.push_back(static_cast<uint32_t>(k * vertices / count));
+    return chosen;
+}
+
+void run_study(const StudyOptions& options) {
+    const auto topic = std::find_if(std::begin(topics), std::end(topics),
+                                    [&](const Topic& t) { return options.topic == t.name; });
+    if (topic == std::end(topics)) {
+        std::string list;
+        for (const Topic& t : topics)
+            list += std::string(list.empty() ? "" : ", ") + t.name;
+        throw Failure("study", "there is no topic '" + options.topic + "'; choose " + list, exit_usage);
+    }
+    const Subject subject = subject_of(options);
+    OutputDirectory out(options.out);
+    const Table table = topic->run(subject, options);
+    out.add(options.topic + ".json", to_json(table, options.topic, subject.name));
+    out.add(options.topic + ".txt", to_text(table));
+    out.commit();
+    std::printf("%s", to_text(table).c_str());
+}
+
+} // namespace nusselt::tools
