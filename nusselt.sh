@@ -6,8 +6,10 @@
 #   build [TARGETS]  build the preset; the program lies in build/release/bin
 #   bench [ARGS]     build and run the benchmarks, results in out/bench; ARGS go to Google Benchmark (--benchmark_filter=...)
 #   scaling [ARGS]   build and run bench/scaling on 1 to all cores, results in out/scaling.json; ARGS: --quick, --threads N
-#   stress [MINUTES] all stress tests and fuzz targets within MINUTES (default 30), and their ledger, docs/trust-ledger.md
-#   sanitize         all tests under the address and undefined-behaviour sanitizers, threads under the thread sanitizer
+#   stress [MINUTES] all stress tests, and fuzz targets, in about MINUTES (default 30); ledger in docs/trust-ledger.md
+#   fuzz [SECONDS]   every fuzz target for SECONDS (default 10), and its planted bug; needs clang
+#   sanitize [KIND]  the tests under sanitizers, or under one kind: address (and undefined behaviour), thread, memory,
+#                    valgrind
 #   determinism [HOW]
 #                    golden hashes with every compiler, optimisation, executor and floating-point mode, and mutations
 #                    that must be found (an hour); HOW: quick, compilers, everything, mutations or arm instead of all
@@ -83,37 +85,94 @@ lint() {
         xargs -r -P "$jobs" -n 1 clang-tidy --quiet -p "build/$preset"
 }
 
+need_clang() {
+    command -v clang++ >/dev/null && return
+    echo "nusselt.sh: $1 needs clang++, which is not here; get the package clang, and libclang-rt-dev where it is apart" >&2
+    return 1
+}
+
+build_fuzzers() {
+    (
+        preset=fuzz
+        cmake --preset fuzz >/dev/null
+        # Whatever targets there are: fuzz_gltf, planted_gltf, ...
+        # shellcheck disable=SC2046
+        build $(cmake --build build/fuzz --target help | grep -oE '\b(fuzz|planted)_[a-z_]+' | grep -v _test | sort -u)
+    )
+}
+
+fuzz() {
+    local seconds=${1:-10}
+    if ! [[ $seconds =~ ^[1-9][0-9]*$ ]]; then
+        echo "nusselt.sh: fuzz takes a number of seconds, not '$seconds'" >&2
+        exit 2
+    fi
+    third_party/install.sh sanitizers
+    need_clang fuzz
+    build_fuzzers
+    tests/fuzz/fuzz.sh "$seconds" build/fuzz out/fuzz
+}
+
 stress() {
     local minutes=${1:-30}
     if ! [[ $minutes =~ ^[1-9][0-9]*$ ]]; then
         echo "nusselt.sh: stress takes a number of minutes, not '$minutes'" >&2
         exit 2
     fi
-    build stress_kernels_test stress_frame_test
-    if command -v clang++ >/dev/null; then
-        local own=$preset targets
-        preset=fuzz
-        cmake --preset fuzz
-        # Whatever targets there are: fuzz_gltf, planted_gltf, ...
-        targets=$(cmake --build build/fuzz --target help | grep -oE '\b(fuzz|planted)_[a-z_]+' | grep -v _test | sort -u)
-        # shellcheck disable=SC2086
-        cmake --build build/fuzz --parallel "$jobs" --target $targets
-        preset=$own
+    third_party/install.sh sanitizers
+    build stress_kernels_test stress_frame_test stress_faults_test program_faults_test
+    if need_clang "fuzzing"; then
+        build_fuzzers
         tests/stress/stress.sh "$minutes" "build/$preset" build/fuzz
     else
-        echo "clang++ is not here: the fuzz targets are left out" >&2
         tests/stress/stress.sh "$minutes" "build/$preset"
     fi
 }
 
-# The thread sanitizer knows nothing of TBB: what runs threads is built without it, on executors of the tests' own.
+# The thread sanitizer knows nothing of TBB: what runs threads is built without it, on executors of the tests' own, and
+# once with it, its own code left out. The memory sanitizer sees the library alone. Each has bugs planted that it must
+# find (tests/sanitizers).
 sanitize() {
-    preset=asan-ubsan
-    build
-    ctest --test-dir build/asan-ubsan --output-on-failure --no-tests=error --parallel "$jobs" -LE slow "$@"
-    preset=tsan
-    build
-    ctest --test-dir build/tsan --output-on-failure --no-tests=error --parallel "$jobs" -R 'jobs|runtime_test|embed_test|stress' "$@"
+    local kinds=("$@") kind
+    [[ ${#kinds[@]} != 0 ]] || kinds=(address thread memory valgrind)
+    third_party/install.sh sanitizers
+    for kind in "${kinds[@]}"; do
+        case $kind in
+            address)
+                preset=asan-ubsan
+                build
+                run_tests -LE slow
+                ;;
+            thread)
+                preset=tsan
+                build jobs_test runtime_test embed_test stress_kernels_test stress_frame_test stress_faults_test \
+                    sanitizers_frames
+                run_tests -R 'jobs_test|runtime_test|embed_test|stress|sanitizers'
+                preset=tsan-tbb
+                build sanitizers_frames
+                run_tests -L sanitizers
+                ;;
+            memory)
+                need_clang "the memory sanitizer" || continue
+                preset=msan
+                build sanitizers_frames
+                run_tests -L sanitizers
+                ;;
+            valgrind)
+                preset=release
+                build sanitizers_frames
+                run_tests -L sanitizers
+                ;;
+            *)
+                echo "nusselt.sh: sanitize knows address, thread, memory and valgrind, not '$kind'" >&2
+                exit 2
+                ;;
+        esac
+    done
+}
+
+run_tests() {
+    ctest --test-dir "build/$preset" --output-on-failure --no-tests=error --parallel "$jobs" "$@"
 }
 
 command=${1:-}
@@ -140,6 +199,7 @@ case $command in
         done
         ;;
     stress) stress "$@" ;;
+    fuzz) fuzz "$@" ;;
     sanitize) sanitize "$@" ;;
     determinism)
         case ${1:-all} in

@@ -102,8 +102,9 @@ void* tbb_enqueue(void* user, void (*run)(void* argument), void* argument) {
     if (Task* task = take_task(executor)) {
         task->run = run;
         task->argument = argument;
-        task->state.store(task_waiting, std::memory_order_relaxed);
         task->holders.store(2, std::memory_order_relaxed);
+        // Whoever runs it sees what the caller wrote, whatever TBB does in between.
+        task->state.store(task_waiting, std::memory_order_release);
         try {
             executor.arena.enqueue(executor.group.defer([&executor, task] {
                 try_run(task);

@@ -190,8 +190,13 @@ const Kernels* kernels_for(Set set);
 
 // Tables are built in double with arithmetic that is the same everywhere; the caller gives the memory.
 void build_plane_table(const MaskLayout& layout, uint32_t first_cell, uint32_t end_cell, uint8_t* planes);
-// `weights`: room for 25 a bit; what each bit weighs, before it is rounded.
-void build_weights(const MaskLayout& layout, double (*weights)[25], int16_t* nibbles, int16_t* blocks,
+// What each bit stands for, before it is rounded: build_weights works in one for each bit of the mask.
+struct SampleBit {
+    double direction[3];
+    double weights[25];
+    bool used;
+};
+void build_weights(const MaskLayout& layout, SampleBit* bits, int16_t* nibbles, int16_t* blocks,
                    int16_t* total, float* scale, float* block_weights);
 // The sample direction of a bit (block-ordered as in the mask), in the tangent frame. False: the cell is
 // unused.

@@ -39,7 +39,6 @@ struct MaskLayout {
 constexpr uint32_t mask_bits(const MaskLayout& l) {
     return l.side * l.side;
 }
-constexpr uint32_t max_mask_bits = 4096;
 constexpr uint32_t mask_bytes(const MaskLayout& l) {
     return mask_bits(l) / 8;
 }

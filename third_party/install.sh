@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
-# Installs what the build needs and this machine lacks. Usage: third_party/install.sh [tests] [compilers] [arm]
+# Installs what the build needs and this machine lacks. Usage: third_party/install.sh [GROUP...]
 #   tests       also the browser in which a test opens the page of `nusselt compare`; skipped without it
 #   compilers   also the compilers of tests/determinism/matrix.sh
 #   arm         also the cross compiler and the emulator of its aarch64
+#   sanitizers  also clang with its fuzzer and memory sanitizer, and valgrind
 #
 # On Debian and its kin: only the missing packages, by apt-get, as root or through sudo, without questions of its own.
 # Elsewhere, or without sudo: prints the packages to get and returns 0, so that a build can go on with what is there.
@@ -19,8 +20,9 @@ for more in "$@"; do
         tests) packages+=(chromium) ;;
         compilers) packages+=(g++-12 clang-14 lld-14 clang-19 lld-19) ;; # all in Debian 12 itself
         arm) packages+=(g++-aarch64-linux-gnu qemu-user) ;;
+        sanitizers) packages+=(clang libclang-rt-14-dev llvm-14 valgrind) ;;
         *)
-            echo "install.sh: nothing called '$more'; usage: third_party/install.sh [tests] [compilers] [arm]" >&2
+            echo "install.sh: nothing called '$more'; choose from tests, compilers, arm, sanitizers" >&2
             exit 2
             ;;
     esac

@@ -3,6 +3,7 @@
 #include "context_data.h"
 #include "jobs/float_environment.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -20,6 +21,9 @@ struct Double {
 };
 
 constexpr double pi = 3.14159265358979323846;
+
+// An environment all of it has coefficients below 3e36, and 25 products with a transfer vector stay finite.
+constexpr float brightest = 1e35f;
 
 // The light's bands up to the last that is not zero; at least one.
 uint32_t bands_of(const float light[75], uint32_t most) {
@@ -52,19 +56,19 @@ Status sh_project_latlong(const float* rgb, uint32_t width, uint32_t height, flo
         const double polar = pi * (row + 0.5) / height, y = std::cos(polar), across = std::sin(polar);
         for (uint32_t column = 0; column < width; ++column) {
             const float* pixel = rgb + 3 * (size_t(row) * width + column);
-            bool good = true;
-            for (uint32_t c = 0; c < 3; ++c)
+            bool good = true, bright = false;
+            for (uint32_t c = 0; c < 3; ++c) {
                 good = good && std::isfinite(pixel[c]) && pixel[c] >= 0;
-            if (!good) {
-                ++refused;
-                continue;
+                bright = bright || pixel[c] > brightest;
             }
+            refused += !good || bright;
+            if (!good) continue;
             const double azimuth = 2 * pi * ((column + 0.5) / width - 0.5);
             double basis[25];
             sh_basis(Double(), across * std::cos(azimuth), y, across * std::sin(azimuth), basis);
             for (uint32_t i = 0; i < 25; ++i) {
                 for (uint32_t c = 0; c < 3; ++c)
-                    sum[i * 3 + c] += basis[i] * area * double(pixel[c]);
+                    sum[i * 3 + c] += basis[i] * area * double(std::min(pixel[c], brightest));
             }
         }
     }

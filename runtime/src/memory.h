@@ -28,8 +28,13 @@ struct HostAllocator {
     T* allocate(size_t count) {
         if (count > static_cast<size_t>(-1) / sizeof(T)) throw std::bad_alloc();
         const size_t size = count * sizeof(T);
-        void* memory = host.allocate ? host.allocate(host.user, size, array_alignment)
-                                     : ::operator new(size, std::align_val_t(array_alignment), std::nothrow);
+        void* memory = nullptr;
+        try {
+            memory = host.allocate ? host.allocate(host.user, size, array_alignment)
+                                   : ::operator new(size, std::align_val_t(array_alignment), std::nothrow);
+        } catch (...) {
+            // A host's allocator that throws has no memory either; what it throws goes no further.
+        }
         if (!memory) throw std::bad_alloc();
         return static_cast<T*>(memory);
     }

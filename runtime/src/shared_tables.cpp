@@ -52,14 +52,14 @@ bool build(const kernels::MaskLayout& layout, SharedTables& out) {
     auto* const scale_memory = reinterpret_cast<float*>(take(scale));
     auto* const weight_memory = reinterpret_cast<float*>(take(block_weights));
     build_plane_table(layout, 0, table_cells(layout), plane_memory);
-    auto* const weights = static_cast<double(*)[25]>(
-        ::operator new(mask_bits(layout) * sizeof(double[25]), std::align_val_t(line), std::nothrow));
-    if (!weights) {
+    auto* const bits = static_cast<SampleBit*>(
+        ::operator new(mask_bits(layout) * sizeof(SampleBit), std::align_val_t(line), std::nothrow));
+    if (!bits) {
         ::operator delete(memory, std::align_val_t(line));
         return false;
     }
-    build_weights(layout, weights, nibble_memory, block_memory, total_memory, scale_memory, weight_memory);
-    ::operator delete(weights, std::align_val_t(line));
+    build_weights(layout, bits, nibble_memory, block_memory, total_memory, scale_memory, weight_memory);
+    ::operator delete(bits, std::align_val_t(line));
     out.tables = {layout,       plane_memory, nibble_memory, block_memory,
                   total_memory, scale_memory, weight_memory, horizon_tangent(layout)};
     out.memory = memory;

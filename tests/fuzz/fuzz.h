@@ -13,6 +13,7 @@ namespace nusselt::fuzz {
 int gltf(const uint8_t* data, size_t size);        // a .gltf's bytes
 int gltf_struct(const uint8_t* data, size_t size); // a valid scene in which some fields are broken
 int glb(const uint8_t* data, size_t size);         // chunks made of bytes
+int skin(const uint8_t* data, size_t size);        // weights, joints and transforms of any bits
 int hdr(const uint8_t* data, size_t size);
 int exr(const uint8_t* data, size_t size);
 int obj_ply(const uint8_t* data, size_t size);

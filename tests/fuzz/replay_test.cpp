@@ -19,11 +19,10 @@ struct Target {
     const char* name;
     int (*run)(const uint8_t*, size_t);
 };
-constexpr Target targets[] = {{"gltf", gltf}, {"gltf_struct", gltf_struct},
-                              {"glb", glb},   {"hdr", hdr},
-                              {"exr", exr},   {"obj_ply", obj_ply},
-                              {"sh", sh},     {"mask_diff", mask_diff},
-                              {"api", api},   {"cli", cli}};
+constexpr Target targets[] = {
+    {"gltf", gltf}, {"gltf_struct", gltf_struct}, {"glb", glb}, {"skin", skin},           {"hdr", hdr},
+    {"exr", exr},   {"obj_ply", obj_ply},         {"sh", sh},   {"mask_diff", mask_diff}, {"api", api},
+    {"cli", cli}};
 
 class Replay : public testing::TestWithParam<Target> {};
 

@@ -28,8 +28,8 @@ OwnedTables make_tables(const MaskLayout& l) {
                   aligned_array<float>(block_table_size(l) + sh_columns),
                   {}};
     build_plane_table(l, 0, table_cells(l), o.planes.get());
-    std::vector<double[25]> weights(mask_bits(l));
-    build_weights(l, weights.data(), o.nibbles.get(), o.blocks.get(), o.total.get(), o.scale.get(),
+    std::vector<SampleBit> bits(mask_bits(l));
+    build_weights(l, bits.data(), o.nibbles.get(), o.blocks.get(), o.total.get(), o.scale.get(),
                   o.block_weights.get());
     o.tables = {l,
                 o.planes.get(),

@@ -180,6 +180,68 @@ TEST(ShProject, BadPixelsCountAsZero) {
         EXPECT_EQ(out[i], expected[i]);
 }
 
+// S8. Pixels as bright as floats go, and worse: finite light, and told.
+TEST(ShProject, RadianceOutOfRangeIsClampedAndTold) {
+    Engine engine;
+    const Outputs open = run_at_rest(engine.context, {points({{0, 0, 0}}, {{0, 0.6f, 0.8f}})});
+    auto transfer = open.meshes[0].transfer;
+    for (const float value : {1e35f, 1e36f, 1e38f, 3.4e38f, INFINITY, -INFINITY, std::nanf(""), -1e38f}) {
+        std::vector<float> rgb(3 * 8 * 4, value);
+        float out[75], shaded[3];
+        uint64_t bad = 0;
+        ASSERT_TRUE(sh_project_latlong(rgb.data(), 8, 4, out, &bad).ok());
+        EXPECT_EQ(bad, value == 1e35f ? 0u : 32u) << value;
+        for (const float c : out)
+            EXPECT_TRUE(std::isfinite(c)) << value;
+        ASSERT_TRUE(shade(engine.context, out, {transfer[0].data(), 1, 100}, {}, shaded).ok());
+        for (const float c : shaded) {
+            EXPECT_TRUE(std::isfinite(c)) << value;
+            EXPECT_NEAR(c, value >= 1e35f && std::isfinite(value) ? 1e35f : 0, 2e33f) << value;
+        }
+    }
+}
+
+// S5. A hundred thousand turns, one after the other, against one turn by their product.
+TEST(ShRotate, ManyTurnsDriftLittle) {
+    Random random(6);
+    Coefficients c, start;
+    for (float& v : c)
+        v = random.between(-1, 1);
+    start = c;
+    glm::dmat3 product(1);
+    const auto rows_of = [](const glm::dmat3& m) {
+        std::array<float, 9> rows;
+        for (int i = 0; i < 9; ++i)
+            rows[size_t(i)] = float(m[i % 3][i / 3]);
+        return rows;
+    };
+    const int turns = 100000;
+    for (int i = 0; i < turns; ++i) {
+        const auto rows = rows_of(about(glm::dvec3(random.direction()), random.between(0, 3)));
+        sh_rotate(rows.data(), c.data(), c.data());
+        // The matrix that was used, made orthonormal again: floats are not quite.
+        glm::dmat3 m;
+        for (int k = 0; k < 9; ++k)
+            m[k % 3][k / 3] = double(rows[size_t(k)]);
+        product = m * product;
+        product[0] = glm::normalize(product[0]);
+        product[1] = glm::normalize(product[1] - glm::dot(product[1], product[0]) * product[0]);
+        product[2] = glm::cross(product[0], product[1]);
+    }
+    Coefficients once;
+    sh_rotate(rows_of(product).data(), start.data(), once.data());
+    double before = 0, after = 0, apart = 0;
+    for (size_t i = 0; i < 25; ++i) {
+        before += double(start[i]) * double(start[i]);
+        after += double(c[i]) * double(c[i]);
+        apart = std::max(apart, std::fabs(double(c[i]) - double(once[i])));
+    }
+    std::printf("[  FIGURE  ] S5 after %d turns: energy off by %.2g, terms by %.2g\n", turns,
+                std::fabs(after / before - 1), apart);
+    EXPECT_NEAR(after / before, 1, 1e-3);
+    EXPECT_LT(apart, 5e-3);
+}
+
 TEST(Shade, ConstantLightOnAnOpenReceiverIsItsRadiance) {
     Engine engine;
     const Outputs out =

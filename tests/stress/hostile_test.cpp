@@ -9,6 +9,7 @@
 #include <cfloat>
 #include <chrono>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
 #include <functional>
 #include <limits>
@@ -129,6 +130,97 @@ TEST(Hostile, G3G4FloorThroughTheReceiver) {
         covered = now;
     }
     EXPECT_EQ(changes, 1u);
+}
+
+// Two layers in one plane of any direction, the second shifted within it so that receivers lie inside its
+// triangles; `first` is a mesh that comes before them, if any. How many receivers see any bit, and how many
+// go dark.
+struct LayerCounts {
+    uint64_t receivers = 0, touched = 0, dark = 0;
+};
+LayerCounts layers(Engine& engine, uint64_t seed, float distance_of_first) {
+    Random random(seed);
+    const float size = std::ldexp(1.0f, int(random.below(8)) - 6);
+    const glm::vec3 n = random.direction(), x = glm::normalize(glm::cross(n, random.direction())),
+                    y = glm::cross(n, x), at = random.direction() * (2 * size);
+    const auto layer = [&](float shift) {
+        scenes::Mesh mesh;
+        constexpr uint32_t side = 9;
+        for (uint32_t k = 0; k < side * side; ++k) {
+            const float u = float(k % side) - 4 + shift, v = float(k / side) - 4 + 0.7f * shift;
+            mesh.rest_positions.push_back(at + size * (u * x + v * y));
+            mesh.rest_normals.push_back(n);
+        }
+        for (uint32_t k = 0; k + side + 1 < side * side; ++k) {
+            if (k % side == side - 1) continue;
+            for (const uint32_t index : {k, k + 1, k + side, k + 1, k + side + 1, k + side})
+                mesh.indices.push_back(index);
+        }
+        return mesh;
+    };
+    std::vector<scenes::Mesh> meshes{layer(0), layer(0.37f)};
+    if (distance_of_first > 0)
+        meshes.insert(meshes.begin(), points({random.direction() * (distance_of_first * size)}, {n}));
+    const Outputs out = run_at_rest(engine.context, meshes);
+    LayerCounts counts;
+    for (size_t m = meshes.size() - 2; m < meshes.size(); ++m) {
+        for (size_t v = 0; v < out.meshes[m].transfer.size(); ++v) {
+            const uint32_t bits = blocked_bits(out.meshes[m], v);
+            ++counts.receivers;
+            counts.touched += bits > 0;
+            counts.dark += bits > 512;
+        }
+    }
+    return counts;
+}
+
+// G4. Layers in one plane, in any direction: every receiver stays open. An error of rounding would hide the
+// whole hemisphere. Beside a mesh that is far away the positions themselves are rounded off the plane:
+// counted.
+TEST(Hostile, G4LayersInOneTiltedPlane) {
+    Engine engine;
+    for (const float far : {0.0f, 100.0f, 10000.0f}) {
+        LayerCounts all;
+        for (uint64_t i = 0; i < stress_cases() / 40; ++i) {
+            const LayerCounts one = layers(engine, stress_seed() * 13 + i, far);
+            all.receivers += one.receivers;
+            all.touched += one.touched;
+            all.dark += one.dark;
+        }
+        const std::string name = "G4 two layers in one tilted plane, the scene " +
+                                 std::to_string(int(std::max(far, 10.0f))) + " triangles across: receivers ";
+        figure(name + "with any bit", 100 * double(all.touched) / double(all.receivers), "%");
+        figure(name + "that turn dark", 100 * double(all.dark) / double(all.receivers), "%");
+        if (far == 0) {
+            EXPECT_EQ(all.dark, 0u);
+        }
+    }
+}
+
+// M6. Any translation: what the scene is after the host has rounded it, and no more. Against the rounded
+// scene moved back, which is exact (the differences of close floats are), the bits are the same.
+TEST(Hostile, M6AnyTranslation) {
+    Engine engine;
+    for (uint64_t i = 0; i < stress_cases() / 8; ++i) {
+        Random random(stress_seed() * 17 + i);
+        const float distance = std::pow(10.0f, random.between(1, 6));
+        const glm::vec3 by = random.direction() * distance;
+        std::vector<glm::vec3> corners{glm::vec3(0)};
+        for (int k = 0; k < 9; ++k)
+            corners.push_back(random.direction() * random.between(0.5f, 2));
+        for (glm::vec3& c : corners)
+            c += by; // the host's rounding
+        std::vector<glm::vec3> back = corners;
+        for (glm::vec3& c : back)
+            c -= corners[0];
+        const glm::vec3 n = random.direction();
+        const auto masks = [&](const std::vector<glm::vec3>& p) {
+            const Outputs out =
+                run_at_rest(engine.context, {points({p[0]}, {n}), soup({p.begin() + 1, p.end()})});
+            return out.meshes[0].masks;
+        };
+        ASSERT_EQ(masks(corners), masks(back)) << "case " << i << ", " << distance;
+    }
 }
 
 // G5. What lies in the tangent plane adds nothing; what goes through it, its upper part.
@@ -500,6 +592,38 @@ TEST(Hostile, G16GarbageScenes) {
     }
     EXPECT_GT(bits, 0u);
     figure("G16 garbage scenes on every instruction set", double(scenes_wanted), "scenes");
+}
+
+// G17. Counts that lie: refused before an index is read or anything is asked of the allocator.
+TEST(Hostile, G17CountsThatLie) {
+    uint64_t requests = 0;
+    ContextDesc desc;
+    desc.allocator = {&requests,
+                      [](void* user, size_t size, size_t alignment) -> void* {
+                          ++*static_cast<uint64_t*>(user);
+                          return std::aligned_alloc(alignment,
+                                                    (size + alignment - 1) / alignment * alignment);
+                      },
+                      [](void*, void* memory, size_t, size_t) { std::free(memory); }};
+    Engine engine(desc);
+    const float positions[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+    const uint32_t indices[3] = {0, 1, 2};
+    const uint64_t before = requests;
+    MeshId id;
+    MeshMemory memory;
+    for (const size_t count : {size_t(3) << 27, size_t(3) << 31, size_t(3) << 62, ~size_t(0) / 3 * 3}) {
+        const MeshDesc lie{{positions, 3, 12}, {}, indices, count + 3};
+        EXPECT_EQ(add_mesh(engine.context, lie, &id).code, StatusCode::invalid_argument) << count;
+        EXPECT_EQ(mesh_memory_bound(engine.context, lie, &memory).code, StatusCode::invalid_argument)
+            << count;
+    }
+    for (const size_t count : {(size_t(1) << 27) + 1, size_t(1) << 32, size_t(1) << 61, ~size_t(0)}) {
+        const MeshDesc lie{{positions, count, 12}, {}, indices, 3};
+        EXPECT_EQ(add_mesh(engine.context, lie, &id).code, StatusCode::invalid_argument) << count;
+        EXPECT_EQ(mesh_memory_bound(engine.context, lie, &memory).code, StatusCode::invalid_argument)
+            << count;
+    }
+    EXPECT_EQ(requests, before);
 }
 
 // G17. A large mesh: memory by the triangle.

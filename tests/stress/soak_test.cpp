@@ -4,6 +4,7 @@
 #include "tests/stress/ledger.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <dirent.h>
@@ -38,6 +39,83 @@ size_t entries(const char* folder) {
     return count;
 }
 
+// M15, the other half. Random scripts of edits: meshes move as wholes, in part, by one vertex or not at all,
+// stop receiving, go, come back, turn a normal, in any order and quality. Every frame is what a cold start
+// gives.
+TEST(Soak, RandomEditsAreNeverStale) {
+    const uint64_t scripts = stress_cases() / 20;
+    uint64_t frames = 0, still = 0;
+    const scenes::Mesh shapes[] = {scenes::torus(1, 0.4f, 16, 8), scenes::plane(3, 4),
+                                   scenes::sphere(1, 0.3f)};
+    for (uint64_t script = 0; script < scripts; ++script) {
+        Random random(stress_seed() * 977 + script);
+        ContextDesc desc;
+        const bool threads = script % 2 && create_tbb_executor(2, &desc.executor).ok();
+        {
+            Engine engine(desc);
+            std::vector<size_t> shape{0, 1, 2};
+            std::vector<Posed> now;
+            for (const size_t s : shape)
+                now.push_back(at_rest(add(engine.context, shapes[s]), shapes[s]));
+            for (glm::vec3& p : now[2].positions)
+                p.z += 1.6f;
+            for (int frame = 0; frame < 8; ++frame) {
+                const size_t m = random.below(uint32_t(now.size()));
+                std::vector<glm::vec3>& p = now[m].positions;
+                switch (random.below(9)) {
+                case 0: // nothing
+                    ++still;
+                    break;
+                case 1: // one vertex
+                    p[random.below(uint32_t(p.size()))] += random.direction() * 0.2f;
+                    break;
+                case 2: { // all of it, stiffly
+                    const glm::vec3 by = random.direction() * 0.3f;
+                    for (glm::vec3& v : p)
+                        v += by;
+                    break;
+                }
+                case 3: // all of it, bent
+                    for (glm::vec3& v : p)
+                        v.z += 0.1f * std::sin(3 * v.x + float(frame));
+                    break;
+                case 4: // a normal
+                    now[m].normals[random.below(uint32_t(p.size()))] = random.direction();
+                    break;
+                case 5: // only blocks, or receives again
+                    now[m].receives = !now[m].receives;
+                    break;
+                case 6: // goes and comes back
+                    ASSERT_TRUE(remove_mesh(engine.context, now[m].mesh).ok());
+                    now[m].mesh = add(engine.context, shapes[shape[m]]);
+                    break;
+                case 7: // a vertex that is no number, or a number again
+                    p[0].x = std::isfinite(p[0].x) ? std::nanf("") : 0.1f;
+                    break;
+                default: { // far away, or back
+                    const float by = p[1].y > 50 ? -100.0f : 100.0f;
+                    for (glm::vec3& v : p)
+                        v.y += by;
+                    break;
+                }
+                }
+                const Quality quality = random.below(4) ? Quality::standard : Quality::draft;
+                const Outputs got = run_frame(engine.context, now, quality);
+                Engine cold;
+                std::vector<Posed> again = now;
+                for (size_t i = 0; i < again.size(); ++i)
+                    again[i].mesh = add(cold.context, shapes[shape[i]]);
+                ASSERT_EQ(run_frame(cold.context, again, quality), got)
+                    << "seed " << stress_seed() << ", script " << script << ", frame " << frame;
+                ++frames;
+            }
+        }
+        if (threads) destroy_executor(&desc.executor);
+    }
+    figure("M15 frames of random edits against cold starts", double(frames), "frames");
+    EXPECT_GT(still, 0u);
+}
+
 TEST(Soak, NothingGrowsAndNothingDrifts) {
     const uint32_t frames = soak_frames();
     ContextDesc desc;
@@ -50,10 +128,15 @@ TEST(Soak, NothingGrowsAndNothingDrifts) {
         scene.meshes = {scenes::torus(1, 0.4f, 20, 10), scenes::plane(3, 4), scenes::sphere(1, 0.3f)};
         std::vector<MeshId> ids = add_all(engine.context, scene);
         const auto pose = [&](uint32_t frame) {
-            const double t = frame / 60.0;
             std::vector<Posed> out;
             for (size_t m = 0; m < ids.size(); ++m) {
                 out.push_back(at_rest(ids[m], scene.meshes[m]));
+                // The floor moves for a second in four, the sphere stops for one in five.
+                const bool still = m == 1 ? frame / 60 % 4 != 0 : m == 2 && frame / 60 % 5 == 0;
+                const double t = (still               ? frame / 60 * 60
+                                  : frame % 600 < 590 ? frame
+                                                      : frame / 600 * 600) /
+                                 60.0;
                 for (glm::vec3& p : out.back().positions)
                     p += 0.2f * glm::vec3(float(std::sin(t + double(m) + double(p.x))),
                                           float(m == 2 ? 1.5 : 0.3), float(std::cos(1.3 * t + double(p.y))));
@@ -67,7 +150,8 @@ TEST(Soak, NothingGrowsAndNothingDrifts) {
                 files = entries("/proc/self/fd");
                 tasks = entries("/proc/self/task");
             }
-            // A mesh goes and comes back now and then, as in an engine.
+            // A mesh goes and comes back now and then, as in an engine; some stand still, now and then all of
+            // them.
             if (frame % 97 == 96) {
                 ASSERT_TRUE(remove_mesh(engine.context, ids[2]).ok());
                 ids[2] = add(engine.context, scene.meshes[2]);

@@ -30,7 +30,7 @@ std::string describe(const std::string& path, const LoadError& error) {
     std::string text = printable(path, 400) + ": " + error.what;
     if (!error.where.empty()) text += " (" + error.where + ")";
     if (!error.cure.empty()) text += "; " + error.cure;
-    return text;
+    return text + " [" + error.code + "]";
 }
 
 } // namespace nusselt::load

@@ -34,7 +34,7 @@ struct LoadError {
     std::string cure;  // what to do
 };
 
-// "FILE: what is wrong (where), and what to do", for stderr behind the program's name.
+// "FILE: what is wrong (where); what to do [CODE]", for stderr behind the program's name.
 std::string describe(const std::string& path, const LoadError& error);
 
 // One animation of the file.

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <fcntl.h>
 #include <filesystem>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <system_error>
 #include <unistd.h>
@@ -31,6 +32,13 @@ mode_t usual_mode(mode_t mode) {
     umask(mask);
     return mode & ~mask;
 }
+
+struct Descriptor {
+    int number;
+    ~Descriptor() {
+        if (number >= 0) ::close(number);
+    }
+};
 
 // Takes over `file` and closes it. False with errno set when a write failed.
 bool write_all(int file, std::string_view bytes) {
@@ -134,6 +142,11 @@ void OutputDirectory::commit() {
         staging_.clear();
         committed_ = true;
         return;
+    }
+    // Another run into the same directory waits, so that the files there are one run's. The kernel lets go of
+    // the lock when this process ends, however it ends.
+    const Descriptor held{::open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)};
+    while (held.number >= 0 && ::flock(held.number, LOCK_EX) != 0 && errno == EINTR) {
     }
     // Everything that can be known to fail is looked at before the first file moves.
     for (const std::string& name : names_) {

@@ -31,6 +31,8 @@ void watch_signals() {
     std::signal(SIGTERM, on_signal);
     // A reader of stdout that went away shows as a failed write.
     std::signal(SIGPIPE, SIG_IGN);
+    // So does a file that may not grow as far.
+    std::signal(SIGXFSZ, SIG_IGN);
 }
 
 void throw_if_interrupted() {

@@ -15,7 +15,9 @@ namespace nusselt {
 // 3. A task never blocks, never waits for another task, throws nothing and allocates nothing: one thread that
 // runs the tasks in any order finishes the frame, and tasks that start only inside `finish` are enough.
 // 4. The thread that waits helps: it works through the frame itself before it calls `finish`.
-// 5. At most `concurrency` tasks of one frame are queued or running at a time; 0 means 1.
+// 5. Where frames are waited for on the executor's own threads, `finish` must not only wait: it runs the task
+// itself if no thread has begun it, or other tasks; else every thread may wait for one that is queued.
+// 6. At most `concurrency` tasks of one frame are queued or running at a time; 0 means 1.
 struct Executor {
     void* user = nullptr;
     void* (*enqueue)(void* user, void (*run)(void* argument), void* argument) = nullptr;

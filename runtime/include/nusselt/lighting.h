@@ -17,7 +17,8 @@ void sh_evaluate(float x, float y, float z, float out[25]);
 // holds width * height pixels, rows top to bottom; row 0 is up = +y, and column u in [0, 1) is the direction
 // (sin t cos p, cos t, sin t sin p) with p = 2 pi (u - 0.5) (so the middle of the image is +x, as glTF
 // viewers show it), t = pi (v). Pixels are weighted with their exact solid angle; sums are in double. Pixels
-// that are not finite or negative count as 0 and are counted in *bad (may be null).
+// that are not finite or negative count as 0, those above 1e35 as 1e35 (so that shading stays finite), and
+// both are counted in *bad (may be null).
 Status sh_project_latlong(const float* rgb, uint32_t width, uint32_t height, float out[75], uint64_t* bad);
 
 // Rotates SH coefficients: the result r satisfies r(R s) = c(s). `rotation` is row-major, orthonormal,

@@ -1,0 +1,662 @@
+// Faults under load: J1 to J7, J12, J13 and J16 of the catalogue, through whole frames, on executors of
+// std::thread (which the thread sanitizer can watch). The graph alone is tests/jobs'; allocation failures are
+// tests/runtime's.
+#include "tests/jobs/executors.h"
+#include "tests/runtime/fixture.h"
+#include "tests/stress/ledger.h"
+
+#include <algorithm>
+#include <atomic>
+#include <bit>
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <functional>
+#include <stdexcept>
+#include <thread>
+
+#include <pthread.h>
+#include <sys/mman.h>
+#if defined(NUSSELT_TBB)
+#include <oneapi/tbb/task_arena.h>
+#include <oneapi/tbb/task_group.h>
+#endif
+
+#if defined(__SANITIZE_THREAD__) || defined(__SANITIZE_ADDRESS__)
+#define NUSSELT_SANITIZED 1
+#endif
+
+namespace nusselt::test {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double milliseconds_since(Clock::time_point start) {
+    return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+// A torus over a floor; `turn` is its pose. Small: a frame takes about a millisecond.
+struct Small {
+    scenes::Mesh ring = scenes::torus(1, 0.4f, 24, 12), floor = scenes::plane(3, 6);
+
+    std::vector<Posed> posed(const std::vector<MeshId>& ids, float turn) const {
+        std::vector<Posed> out{at_rest(ids[0], ring), at_rest(ids[1], floor)};
+        for (glm::vec3& p : out[0].positions)
+            p += glm::vec3(0.3f * std::sin(turn + p.y), 0.2f * std::sin(2 * turn + p.x), 1.2f);
+        return out;
+    }
+    std::vector<MeshId> add_to(Context* context) const { return {add(context, ring), add(context, floor)}; }
+};
+
+const Small& small() {
+    static const Small scene;
+    return scene;
+}
+
+// The frame on a context that has seen nothing, on one thread.
+Outputs cold(float turn, Quality quality = Quality::standard) {
+    Engine engine;
+    return run_frame(engine.context, small().posed(small().add_to(engine.context), turn), quality);
+}
+
+// A frame in flight with arrays of its own.
+struct Flight {
+    Context* context;
+    std::vector<Posed> posed;
+    std::vector<std::vector<float>> transfer;
+    std::vector<FrameMesh> meshes;
+    FrameId id;
+
+    Flight(Context* c, std::vector<Posed> p) : context(c), posed(std::move(p)) {
+        for (const Posed& m : posed)
+            transfer.emplace_back(25 * m.positions.size(), unset);
+        for (size_t m = 0; m < posed.size(); ++m) {
+            const size_t count = posed[m].positions.size();
+            meshes.push_back({posed[m].mesh,
+                              {&posed[m].positions[0].x, count, 12},
+                              {&posed[m].normals[0].x, count, 12},
+                              {transfer[m].data(), count, 100},
+                              {}});
+        }
+    }
+    Status submit() { return nusselt::submit(context, {meshes.data(), uint32_t(meshes.size())}, &id); }
+
+    // Vertices whose vector is `expected`'s; fails where one is neither that nor as it was.
+    uint32_t written(const Outputs& expected) const {
+        uint32_t count = 0;
+        for (size_t m = 0; m < transfer.size(); ++m) {
+            for (size_t v = 0; v < posed[m].positions.size(); ++v) {
+                const float* const got = transfer[m].data() + 25 * v;
+                if (std::memcmp(got, expected.meshes[m].transfer[v].data(), 100) == 0) {
+                    ++count;
+                } else if (!std::all_of(got, got + 25, [](float t) { return t == unset; })) {
+                    ADD_FAILURE() << "mesh " << m << ", vertex " << v << " is torn";
+                    return count;
+                }
+            }
+        }
+        return count;
+    }
+    bool whole(const Outputs& expected) const {
+        size_t all = 0;
+        for (const Posed& m : posed)
+            all += m.positions.size();
+        return written(expected) == all;
+    }
+
+    static constexpr float unset = -12345;
+};
+
+ContextDesc on(TestExecutor& executor) {
+    ContextDesc desc;
+    desc.executor = executor.hook();
+    return desc;
+}
+
+double percentile(std::vector<double>& values, double part) {
+    std::sort(values.begin(), values.end());
+    return values[std::min(values.size() - 1, size_t(part * double(values.size())))];
+}
+
+// J2. A thousand instants, from before the first task to after the last: a vertex has its whole result or
+// what was there before, the count says which, and the next frame knows nothing of it.
+TEST(Faults, J2CancelledAtAThousandInstants) {
+    const Outputs expected = cold(0.7f);
+    TestExecutor executor({"pool", Order::fifo, 2, 2});
+    Engine engine(on(executor));
+    const std::vector<MeshId> ids = small().add_to(engine.context);
+    const std::vector<Posed> posed = small().posed(ids, 0.7f);
+    std::vector<double> plain;
+    for (int i = 0; i < 20; ++i) {
+        const auto start = Clock::now();
+        ASSERT_EQ(run_frame(engine.context, posed), expected);
+        plain.push_back(milliseconds_since(start));
+    }
+    const double length = percentile(plain, 0.5);
+    Random random(stress_seed() + 101);
+    std::vector<double> left;
+    uint64_t partial = 0, none = 0;
+    for (int i = 0; i < 1000; ++i) {
+        Flight flight(engine.context, posed);
+        // Most of them where the frame is under way, from the first thread's start on.
+        const auto at = std::chrono::duration<double, std::milli>(random.between(-0.2f, 1) * length);
+        ASSERT_TRUE(flight.submit().ok());
+        std::atomic<double> asked = 0;
+        const auto start = Clock::now();
+        std::thread other([&] {
+            while (Clock::now() - start < at)
+                std::this_thread::yield();
+            const Status status = cancel(engine.context, flight.id);
+            EXPECT_TRUE(status.ok() || status.code == StatusCode::stale_handle);
+            asked = milliseconds_since(start);
+        });
+        FrameStats stats;
+        ASSERT_TRUE(wait(engine.context, flight.id, &stats).ok());
+        const double returned = milliseconds_since(start);
+        other.join();
+        if (returned > asked) left.push_back(returned - asked);
+        const uint32_t written = flight.written(expected);
+        ASSERT_EQ(written, stats.receivers_written) << "cancelled after " << at.count() << " ms";
+        partial += written > 0 && written < stats.receivers;
+        none += written == 0;
+        if (i % 50 == 0) {
+            ASSERT_EQ(run_frame(engine.context, posed), expected);
+        }
+    }
+    ASSERT_EQ(run_frame(engine.context, posed), expected);
+    EXPECT_EQ(executor.broken(), "");
+    figure("J2 cancelled at 1,000 instants: frames with some receivers written", double(partial), "frames");
+    figure("J2 cancelled at 1,000 instants: frames with none", double(none), "frames");
+    if (!left.empty()) {
+        figure("J2 from cancel to the return of wait, median", percentile(left, 0.5), "ms");
+        figure("J2 from cancel to the return of wait, 99 of 100 below", percentile(left, 0.99), "ms");
+    }
+    EXPECT_GT(partial + none, 10u); // no empty experiment
+}
+
+// A host whose executor throws at its k-th call, whichever of the two it is.
+struct ThrowingExecutor {
+    uint64_t calls = 0, throws_at = ~0ull;
+    std::vector<std::pair<void (*)(void*), void*>> tasks;
+    std::vector<bool> ran;
+
+    void count() {
+        if (calls++ == throws_at) throw std::runtime_error("a host's bug");
+    }
+    void run_once(size_t task) {
+        if (ran[task]) return;
+        ran[task] = true;
+        tasks[task].first(tasks[task].second);
+    }
+    Executor hook() {
+        Executor executor;
+        executor.user = this;
+        executor.concurrency = 3;
+        executor.enqueue = [](void* user, void (*run)(void*), void* argument) -> void* {
+            auto& self = *static_cast<ThrowingExecutor*>(user);
+            self.count(); // before it has taken the task: it will never run it
+            self.tasks.push_back({run, argument});
+            self.ran.push_back(false);
+            return reinterpret_cast<void*>(self.tasks.size());
+        };
+        executor.finish = [](void* user, void* ticket) {
+            auto& self = *static_cast<ThrowingExecutor*>(user);
+            self.run_once(reinterpret_cast<size_t>(ticket) - 1);
+            self.count(); // after the task has returned, as the contract asks even then
+        };
+        return executor;
+    }
+};
+
+// J1. The executor throws at its k-th call, for every k: the frame is whole, and so is the next.
+TEST(Faults, J1ExecutorThatThrows) {
+    const Outputs expected = cold(0.2f);
+    ThrowingExecutor host;
+    ContextDesc desc;
+    desc.executor = host.hook();
+    Engine engine(desc);
+    const std::vector<Posed> posed = small().posed(small().add_to(engine.context), 0.2f);
+    ASSERT_EQ(run_frame(engine.context, posed), expected);
+    const uint64_t calls = host.calls;
+    ASSERT_GT(calls, 0u);
+    for (uint64_t k = 0; k < std::min<uint64_t>(calls, 200); ++k) {
+        host.calls = 0;
+        host.throws_at = k;
+        ASSERT_EQ(run_frame(engine.context, posed), expected) << "call " << k;
+        host.throws_at = ~0ull;
+        ASSERT_EQ(run_frame(engine.context, posed), expected) << "after call " << k;
+    }
+}
+
+// J1. An allocator that throws instead of answering null, whatever it throws, at its k-th request.
+TEST(Faults, J1AllocatorThatThrows) {
+    struct Throwing {
+        uint64_t calls = 0, throws_at = ~0ull;
+        int64_t held = 0;
+    } host;
+    ContextDesc desc;
+    desc.allocator = {&host,
+                      [](void* user, size_t size, size_t alignment) -> void* {
+                          auto& self = *static_cast<Throwing*>(user);
+                          if (self.calls++ == self.throws_at) throw std::string("no more");
+                          ++self.held;
+                          return std::aligned_alloc(alignment,
+                                                    (size + alignment - 1) / alignment * alignment);
+                      },
+                      [](void* user, void* memory, size_t, size_t) {
+                          --static_cast<Throwing*>(user)->held;
+                          std::free(memory);
+                      }};
+    const auto attempt = [&]() -> StatusCode {
+        Context* context = nullptr;
+        if (const Status status = create_context(desc, &context); !status.ok()) return status.code;
+        MeshId id;
+        const scenes::Mesh& mesh = small().ring;
+        Status status = add_mesh(context,
+                                 {{&mesh.rest_positions[0].x, mesh.rest_positions.size(), 12},
+                                  {&mesh.rest_normals[0].x, mesh.rest_normals.size(), 12},
+                                  mesh.indices.data(),
+                                  mesh.indices.size()},
+                                 &id);
+        if (status.ok()) {
+            Flight flight(context, {at_rest(id, mesh)});
+            status = flight.submit();
+            if (status.ok()) status = wait(context, flight.id, nullptr);
+        }
+        EXPECT_TRUE(destroy_context(context).ok());
+        return status.code;
+    };
+    ASSERT_EQ(attempt(), StatusCode::ok);
+    const uint64_t calls = host.calls, step = stress_cases() >= 20000 ? 1 : 7;
+    for (uint64_t k = 0; k < calls; k += step) {
+        host.calls = 0;
+        host.throws_at = k;
+        StatusCode code = StatusCode::ok;
+        ASSERT_NO_THROW(code = attempt()) << "request " << k;
+        EXPECT_EQ(code, StatusCode::out_of_memory) << "request " << k;
+        EXPECT_EQ(host.held, 0) << "request " << k;
+    }
+    figure("J1 requests of a context, a mesh and a frame, each failed in turn", double(calls), "requests");
+}
+
+#if defined(NUSSELT_TBB) && !defined(__SANITIZE_THREAD__)
+// J3. Frames inside tasks of a host's group that is cancelled at random: a task that ran at all has its whole
+// frame.
+TEST(Faults, J3HostGroupCancelledMeanwhile) {
+    const Outputs expected = cold(1.1f);
+    ContextDesc desc;
+    ASSERT_TRUE(create_tbb_executor(2, &desc.executor).ok());
+    {
+        Engine engine(desc);
+        const std::vector<MeshId> ids = small().add_to(engine.context);
+        const std::vector<Posed> posed = small().posed(ids, 1.1f);
+        std::atomic<uint32_t> begun = 0, whole = 0;
+        for (int round = 0; round < 100; ++round) {
+            tbb::task_group group;
+            std::atomic<bool> in_frame = false;
+            group.run([&] {
+                in_frame = true;
+                ++begun;
+                Flight flight(engine.context, posed);
+                const Status started = flight.submit();
+                ASSERT_TRUE(started.ok()) << started.text;
+                ASSERT_TRUE(wait(engine.context, flight.id, nullptr).ok());
+                whole += flight.whole(expected);
+            });
+            while (round % 2 == 0 && !in_frame)
+                std::this_thread::yield();
+            group.cancel();
+            group.wait();
+        }
+        EXPECT_EQ(whole, begun);
+        EXPECT_GE(begun, 50u);
+    }
+    destroy_executor(&desc.executor);
+}
+#endif
+
+// J4. Frames from inside the very tasks of the pool that the frames' own tasks go to, every thread of it at
+// once.
+TEST(Faults, J4FramesInsideThePoolsOwnTasks) {
+    const Outputs expected = cold(0.4f);
+    TestExecutor executor({"pool", Order::random, 3, 3, false, false, true});
+    Engine engine(on(executor));
+    constexpr size_t hosts = 8;
+    const int rounds = stress_cases() >= 20000 ? 250 : 20;
+    struct HostTask {
+        Context* context;
+        std::vector<Posed> posed;
+        const Outputs* expected;
+        std::atomic<uint32_t> whole = 0;
+    };
+    std::vector<std::unique_ptr<HostTask>> tasks;
+    for (size_t i = 0; i < hosts; ++i) {
+        tasks.push_back(std::make_unique<HostTask>());
+        tasks.back()->context = engine.context;
+        tasks.back()->posed = small().posed(small().add_to(engine.context), 0.4f);
+        tasks.back()->expected = &expected;
+    }
+    const Executor hook = executor.hook();
+    for (int round = 0; round < rounds; ++round) {
+        std::vector<void*> tickets;
+        for (const auto& task : tasks) {
+            void* const ticket = hook.enqueue(
+                hook.user,
+                [](void* argument) {
+                    auto& self = *static_cast<HostTask*>(argument);
+                    Flight flight(self.context, self.posed);
+                    EXPECT_TRUE(flight.submit().ok());
+                    EXPECT_TRUE(wait(self.context, flight.id, nullptr).ok());
+                    self.whole += flight.whole(*self.expected);
+                },
+                task.get());
+            if (ticket) tickets.push_back(ticket);
+        }
+        for (void* const ticket : tickets)
+            hook.finish(hook.user, ticket);
+    }
+    for (const auto& task : tasks)
+        EXPECT_EQ(task->whole, uint32_t(rounds));
+    figure("J4 frames inside the pool's own tasks", double(rounds) * double(hosts), "frames");
+}
+
+#if !defined(NUSSELT_SANITIZED)
+// J5. A host's thread of 64 KB; how much of it a frame takes. Executor `serial`: the tasks run on it.
+TEST(Faults, J5SmallStack) {
+    constexpr size_t bytes = 64 << 10;
+    constexpr static unsigned char paint = 0xA5;
+    void* const stack =
+        mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_STACK, -1, 0);
+    ASSERT_NE(stack, MAP_FAILED);
+    struct Job {
+        std::function<void()> run;
+        static void* start(void* self) {
+            static_cast<Job*>(self)->run();
+            return nullptr;
+        }
+    };
+    const auto used_by = [&](const std::function<void()>& run) {
+        std::memset(stack, paint, bytes);
+        pthread_attr_t attributes;
+        pthread_attr_init(&attributes);
+        EXPECT_EQ(pthread_attr_setstack(&attributes, stack, bytes), 0);
+        Job job{run};
+        pthread_t thread;
+        EXPECT_EQ(pthread_create(&thread, &attributes, Job::start, &job), 0);
+        pthread_join(thread, nullptr);
+        pthread_attr_destroy(&attributes);
+        const auto* const low = static_cast<const unsigned char*>(stack);
+        return size_t(std::find_if(low, low + bytes, [](unsigned char c) { return c != paint; }) - low);
+    };
+    const size_t nothing = bytes - used_by([] {}); // the thread's own record
+    Engine engine;
+    std::vector<MeshId> ids;
+    const size_t adding = bytes - used_by([&] { ids = small().add_to(engine.context); }) - nothing;
+    for (const Quality quality : {Quality::standard, Quality::fine, Quality::paper}) {
+        const Outputs expected = cold(0.1f, quality);
+        Outputs got;
+        const size_t used =
+            bytes - used_by([&] { got = run_frame(engine.context, small().posed(ids, 0.1f), quality); }) -
+            nothing;
+        EXPECT_EQ(got, expected);
+        figure(std::string("J5 stack of a frame, quality ") + quality_name(quality), double(used), "bytes");
+        EXPECT_LE(used, 16u << 10) << quality_name(quality);
+    }
+    figure("J5 stack of add_mesh", double(adding), "bytes");
+    EXPECT_LE(adding, 16u << 10);
+    munmap(stack, bytes);
+}
+#endif
+
+// J6. Sixteen scenes from eight threads, two to a thread, in one context and one pool: each as alone.
+TEST(Faults, J6SixteenScenesFromEightThreads) {
+    constexpr size_t threads = 8, scenes = 16;
+    const int frames = stress_cases() >= 20000 ? 10000 / int(scenes) : 25;
+    TestExecutor executor({"pool", Order::random, 2, 2});
+    Engine engine(on(executor));
+    std::vector<std::vector<Posed>> posed;
+    std::vector<Outputs> solo;
+    for (size_t s = 0; s < scenes; ++s) {
+        posed.push_back(small().posed(small().add_to(engine.context), float(s)));
+        solo.push_back(cold(float(s)));
+    }
+    std::atomic<uint64_t> whole = 0;
+    std::vector<std::thread> hosts;
+    for (size_t t = 0; t < threads; ++t) {
+        hosts.emplace_back([&, t] {
+            for (int f = 0; f < frames; ++f) {
+                // Both in flight at once.
+                Flight one(engine.context, posed[2 * t]), two(engine.context, posed[2 * t + 1]);
+                ASSERT_TRUE(one.submit().ok());
+                ASSERT_TRUE(two.submit().ok());
+                ASSERT_TRUE(wait(engine.context, two.id, nullptr).ok());
+                ASSERT_TRUE(wait(engine.context, one.id, nullptr).ok());
+                whole += one.whole(solo[2 * t]) && two.whole(solo[2 * t + 1]);
+            }
+        });
+    }
+    for (std::thread& host : hosts)
+        host.join();
+    EXPECT_EQ(whole, uint64_t(frames) * threads);
+    figure("J6 frames of sixteen scenes from eight threads", double(frames) * double(scenes), "frames");
+}
+
+// J7, J15. Sixty-four workers on however few cores, eight busy host threads beside them: the same bits.
+TEST(Faults, J7SixtyFourWorkers) {
+    const Outputs expected = cold(0.9f);
+    const int frames = stress_cases() >= 20000 ? 300 : 40;
+    const auto per_second = [&](uint32_t workers, uint32_t& most) {
+        TestExecutor executor({"pool", Order::fifo, workers, workers});
+        Engine engine(on(executor));
+        const std::vector<Posed> posed = small().posed(small().add_to(engine.context), 0.9f);
+        const auto start = Clock::now();
+        for (int f = 0; f < frames; ++f) {
+            const Outputs out = run_frame(engine.context, posed);
+            EXPECT_EQ(out, expected) << workers << " workers, frame " << f;
+            most = std::max(most, out.stats.threads);
+        }
+        return frames / milliseconds_since(start) * 1e3;
+    };
+    uint32_t few = 0, many = 0, busy = 0;
+    const double two = per_second(2, few), alone = per_second(64, many);
+    std::atomic<bool> stop = false;
+    std::vector<std::thread> hosts;
+    for (int t = 0; t < 8; ++t) {
+        hosts.emplace_back([&] {
+            while (!stop)
+                std::this_thread::yield();
+        });
+    }
+    per_second(64, busy);
+    stop = true;
+    for (std::thread& host : hosts)
+        host.join();
+    EXPECT_GE(many, 2u);
+    figure("J7 frames a second with 64 workers against 2", alone / two, "times");
+    figure("J7 most threads that took part in a frame", many, "threads");
+}
+
+// J11. Threads that stall for 20 ms before every task: the one that waits does the work meanwhile, and is
+// held up by the tasks that were handed out, not by one for each stage.
+TEST(Faults, J11StalledThreads) {
+    struct Stalling {
+        static Executor hook() {
+            Executor executor;
+            executor.concurrency = 2;
+            executor.enqueue = [](void*, void (*run)(void*), void* argument) -> void* {
+                return new std::thread([run, argument] {
+                    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+                    run(argument);
+                });
+            };
+            executor.finish = [](void*, void* ticket) {
+                auto* const thread = static_cast<std::thread*>(ticket);
+                thread->join();
+                delete thread;
+            };
+            return executor;
+        }
+    };
+    const Outputs expected = cold(0.6f);
+    ContextDesc desc;
+    desc.executor = Stalling::hook();
+    Engine engine(desc);
+    const std::vector<Posed> posed = small().posed(small().add_to(engine.context), 0.6f);
+    std::vector<double> times;
+    for (int i = 0; i < 50; ++i) {
+        const auto start = Clock::now();
+        ASSERT_EQ(run_frame(engine.context, posed), expected);
+        times.push_back(milliseconds_since(start));
+    }
+    figure("J11 frame on threads that stall for 20 ms, median", percentile(times, 0.5), "ms");
+    figure("J11 frame on threads that stall for 20 ms, longest", times.back(), "ms");
+    EXPECT_LT(percentile(times, 0.5), 60);
+}
+
+#if !defined(__SANITIZE_THREAD__)
+// J12. A host that writes positions while a frame reads them: results of no pose, but finite, and nothing
+// else harmed. Indices are copied when the mesh is added: what becomes of the host's own does not matter.
+TEST(Faults, J12MutationInFlight) {
+    const Outputs expected = cold(0.5f);
+    TestExecutor executor({"pool", Order::fifo, 2, 2});
+    Engine engine(on(executor));
+    scenes::Mesh ring = small().ring;
+    const std::vector<MeshId> ids{add(engine.context, ring), add(engine.context, small().floor)};
+    std::fill(ring.indices.begin(), ring.indices.end(), 0xFFFFFFFFu);
+    const std::vector<Posed> posed = small().posed(ids, 0.5f);
+    for (int round = 0; round < 200; ++round) {
+        Flight flight(engine.context, posed);
+        std::atomic<bool> stop = false;
+        std::thread writer([&] {
+            Random random(stress_seed() + uint64_t(round));
+            std::vector<glm::vec3>& p = flight.posed[0].positions;
+            while (!stop) {
+                float& value = p[random.below(uint32_t(p.size()))][random.below(3)];
+                std::atomic_ref(value).store(std::bit_cast<float>(uint32_t(random.engine())),
+                                             std::memory_order_relaxed);
+            }
+        });
+        ASSERT_TRUE(flight.submit().ok());
+        const Status status = wait(engine.context, flight.id, nullptr);
+        stop = true;
+        writer.join();
+        ASSERT_TRUE(status.ok() || status.code == StatusCode::changed) << status.text;
+        for (const std::vector<float>& mesh : flight.transfer) {
+            for (const float t : mesh)
+                ASSERT_TRUE(std::isfinite(t)) << "round " << round;
+        }
+        if (round % 20 == 0) {
+            ASSERT_EQ(run_frame(engine.context, posed), expected);
+        }
+    }
+}
+#endif
+
+// J13. Contexts and meshes made and destroyed by four threads at once, with frames in flight; handles of all
+// that is gone are told, twice.
+TEST(Faults, J13CreateDestroyStorm) {
+    const Outputs expected = cold(0.3f);
+    const int rounds = stress_cases() >= 20000 ? 2500 : 60;
+    TestExecutor executor({"pool", Order::random, 2, 2});
+    std::vector<std::thread> hosts;
+    std::atomic<uint64_t> made = 0;
+    for (int t = 0; t < 4; ++t) {
+        hosts.emplace_back([&, t] {
+            for (int r = 0; r < rounds; ++r) {
+                Context* context = nullptr;
+                ContextDesc desc;
+                if ((r + t) % 2) desc.executor = executor.hook();
+                ASSERT_TRUE(create_context(desc, &context).ok());
+                const std::vector<MeshId> ids = small().add_to(context);
+                Flight flight(context, small().posed(ids, 0.3f));
+                ASSERT_TRUE(flight.submit().ok());
+                EXPECT_EQ(destroy_context(context).code, StatusCode::busy);
+                EXPECT_EQ(remove_mesh(context, ids[0]).code, StatusCode::busy);
+                FrameId second;
+                EXPECT_EQ(submit(context, {flight.meshes.data(), 2}, &second).code, StatusCode::busy);
+                ASSERT_TRUE(wait(context, flight.id, nullptr).ok());
+                EXPECT_TRUE(flight.whole(expected));
+                EXPECT_EQ(wait(context, flight.id, nullptr).code, StatusCode::stale_handle);
+                EXPECT_EQ(cancel(context, flight.id).code, StatusCode::stale_handle);
+                EXPECT_TRUE(remove_mesh(context, ids[0]).ok());
+                for (int again = 0; again < 2; ++again) {
+                    EXPECT_EQ(remove_mesh(context, ids[0]).code, StatusCode::stale_handle);
+                    EXPECT_EQ(submit(context, {flight.meshes.data(), 2}, &second).code,
+                              StatusCode::stale_handle);
+                    MeshInfo info;
+                    EXPECT_EQ(mesh_info(context, ids[0], &info).code, StatusCode::stale_handle);
+                }
+                // The slot is taken again, the old handle stays stale.
+                const MeshId next = add(context, small().ring);
+                EXPECT_TRUE(next.slot != ids[0].slot || next.generation != ids[0].generation);
+                EXPECT_EQ(remove_mesh(context, ids[0]).code, StatusCode::stale_handle);
+                EXPECT_TRUE(destroy_context(context).ok());
+                ++made;
+            }
+        });
+    }
+    for (std::thread& host : hosts)
+        host.join();
+    const std::string complaint = executor.broken();
+    EXPECT_EQ(complaint.find("ticket"), std::string::npos) << complaint; // the bound on tasks is one frame's
+    EXPECT_EQ(complaint.find("never ran"), std::string::npos) << complaint;
+    figure("J13 contexts made and destroyed by four threads", double(made), "contexts");
+}
+
+// J16. Sixteen threads that do everything to one context at random. Whatever is waited for without being
+// cancelled is whole; and it ends.
+TEST(Faults, J16RandomMix) {
+    const double seconds = stress_cases() >= 20000 ? 60 : 2;
+    TestExecutor executor({"pool", Order::random, 4, 4, false, true, true});
+    Engine engine(on(executor));
+    constexpr int poses = 4;
+    std::vector<Outputs> expected;
+    for (int p = 0; p < poses; ++p)
+        expected.push_back(cold(float(p)));
+    std::atomic<uint64_t> frames = 0, cancelled = 0, edits = 0;
+    const auto start = Clock::now();
+    std::vector<std::thread> hosts;
+    for (uint64_t t = 0; t < 16; ++t) {
+        hosts.emplace_back([&, t] {
+            Random random(stress_seed() * 31 + t);
+            std::vector<MeshId> ids = small().add_to(engine.context);
+            while (milliseconds_since(start) < seconds * 1e3) {
+                if (random.below(8) == 0) {
+                    const size_t which = random.below(2);
+                    ASSERT_TRUE(remove_mesh(engine.context, ids[which]).ok());
+                    ids[which] = add(engine.context, which ? small().floor : small().ring);
+                    ++edits;
+                }
+                const uint32_t pose = random.below(poses);
+                Flight flight(engine.context, small().posed(ids, float(pose)));
+                ASSERT_TRUE(flight.submit().ok());
+                const bool stop = random.below(4) == 0;
+                if (stop) {
+                    ASSERT_TRUE(cancel(engine.context, flight.id).ok());
+                    ++cancelled;
+                }
+                bool done = false;
+                for (uint32_t polls = random.below(4); polls > 0; --polls)
+                    ASSERT_TRUE(poll(engine.context, flight.id, &done).ok());
+                FrameStats stats;
+                ASSERT_TRUE(wait(engine.context, flight.id, &stats).ok());
+                const uint32_t written = flight.written(expected[pose]);
+                ASSERT_EQ(written, stats.receivers_written);
+                if (!stop) {
+                    ASSERT_EQ(written, stats.receivers);
+                }
+                ++frames;
+            }
+        });
+    }
+    for (std::thread& host : hosts)
+        host.join();
+    figure("J16 frames of sixteen threads at random", double(frames), "frames");
+    EXPECT_GT(cancelled, 0u);
+    EXPECT_GT(edits, 0u);
+}
+
+} // namespace
+
+} // namespace nusselt::test

@@ -1,0 +1,352 @@
+// The program when things go wrong around it: killed, out of space, not allowed, interrupted, run twice at
+// once, and given every broken file there is. Outputs are there whole or not at all; it ends with a code,
+// never by a signal.
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <cstring>
+#include <fcntl.h>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <map>
+#include <random>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <thread>
+#include <unistd.h>
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define NUSSELT_SANITIZED 1
+#endif
+
+namespace nusselt::tools {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+const fs::path data_folder = fs::path(NUSSELT_SHARED_DIR) / "data";
+
+std::string contents(const fs::path& path) {
+    std::ifstream file(path, std::ios::binary);
+    return {std::istreambuf_iterator<char>(file), {}};
+}
+
+double milliseconds(Clock::duration d) {
+    return std::chrono::duration<double, std::milli>(d).count();
+}
+
+// What CI can afford; five times that in a stress run.
+int many(int few) {
+    const char* const text = std::getenv("NUSSELT_STRESS_CASES");
+    return text && std::strtoull(text, nullptr, 10) >= 20000 ? 5 * few : few;
+}
+
+struct Outcome {
+    int code = -1; // -1: ended by a signal
+    int signal = 0;
+    long kilobytes = 0; // resident at most
+    double ms = 0;
+    std::string out, err;
+};
+
+struct Surroundings {
+    rlim_t file_size = RLIM_INFINITY;
+    bool nobody = false; // as a user without rights
+    std::string out;     // where standard output goes
+};
+
+class Faults : public testing::Test {
+protected:
+    fs::path folder;
+    std::minstd_rand random{17};
+
+    void SetUp() override {
+        std::string name = (fs::temp_directory_path() / "nusselt-faults-XXXXXX").string();
+        folder = mkdtemp(name.data());
+        fs::permissions(folder, fs::perms(0755));
+        write_grid("small.obj", 3);
+        write_grid("large.obj", 40);
+    }
+    void TearDown() override {
+        std::error_code ignored;
+        fs::remove_all(folder, ignored);
+    }
+
+    void write_grid(const std::string& name, int n) {
+        std::ofstream file(folder / name);
+        for (int y = 0; y <= n; ++y) {
+            for (int x = 0; x <= n; ++x)
+                file << "v " << x << ' ' << y << ' ' << (x * y) % 3 << '\n';
+        }
+        for (int y = 0; y < n; ++y) {
+            for (int x = 0; x < n; ++x) {
+                const int a = y * (n + 1) + x + 1;
+                file << "f " << a << ' ' << a + 1 << ' ' << a + n + 2 << ' ' << a + n + 1 << '\n';
+            }
+        }
+    }
+
+    // Started in the test's folder; its output goes to files named after `tag`.
+    pid_t start(const std::vector<std::string>& arguments, const std::string& tag = "std",
+                const Surroundings& around = {}) {
+        std::vector<char*> argv{const_cast<char*>(NUSSELT_PROGRAM)};
+        for (const std::string& a : arguments)
+            argv.push_back(const_cast<char*>(a.c_str()));
+        argv.push_back(nullptr);
+        const std::string out = around.out.empty() ? (folder / (tag + ".out")).string() : around.out,
+                          err = (folder / (tag + ".err")).string();
+        const pid_t child = fork();
+        if (child != 0) return child;
+        const int to = open(out.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0666),
+                  wrong = open(err.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0666);
+        bool ready = chdir(folder.c_str()) == 0 && dup2(to, 1) == 1 && dup2(wrong, 2) == 2;
+        const rlimit size{around.file_size, around.file_size};
+        if (around.file_size != RLIM_INFINITY) ready = ready && setrlimit(RLIMIT_FSIZE, &size) == 0;
+        if (around.nobody && geteuid() == 0) ready = ready && setuid(65534) == 0;
+        if (ready) execv(argv[0], argv.data());
+        _exit(127);
+    }
+    Outcome finish(pid_t child, const std::string& tag = "std") {
+        const auto begin = Clock::now();
+        int status = 0;
+        rusage usage{};
+        EXPECT_EQ(wait4(child, &status, 0, &usage), child);
+        return {WIFEXITED(status) ? WEXITSTATUS(status) : -1,
+                WIFSIGNALED(status) ? WTERMSIG(status) : 0,
+                usage.ru_maxrss,
+                milliseconds(Clock::now() - begin),
+                contents(folder / (tag + ".out")),
+                contents(folder / (tag + ".err"))};
+    }
+    Outcome run(const std::vector<std::string>& arguments, const Surroundings& around = {}) {
+        return finish(start(arguments, "std", around));
+    }
+
+    // One line on stderr that says something.
+    static void expect_told(const Outcome& outcome) {
+        EXPECT_EQ(outcome.code, 1) << "signal " << outcome.signal << '\n' << outcome.err;
+        EXPECT_TRUE(outcome.err.starts_with("nusselt: ")) << outcome.err;
+        EXPECT_EQ(outcome.err.find('\n'), outcome.err.size() - 1) << outcome.err;
+    }
+    // Hidden names are results in the making.
+    std::vector<fs::path> leftovers() {
+        std::vector<fs::path> found;
+        for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+            if (entry.path().filename().string().starts_with(".")) found.push_back(entry.path());
+        }
+        return found;
+    }
+    std::map<std::string, std::string> results(const std::string& name) {
+        std::map<std::string, std::string> files;
+        if (!fs::exists(folder / name)) return files;
+        for (const auto& entry : fs::directory_iterator(folder / name)) {
+            const std::string file = entry.path().filename().string();
+            if (!file.starts_with(".")) files[file] = contents(entry.path());
+        }
+        return files;
+    }
+    std::chrono::microseconds up_to(double ms) {
+        return std::chrono::microseconds(random() % std::max(1u, unsigned(1000 * ms)));
+    }
+};
+
+// Arrays are the same in every run, times are not.
+bool same_result(const std::string& name, const std::string& a, const std::string& b) {
+    if (name != "stats.json") return a == b;
+    return nlohmann::json::accept(a) && nlohmann::json::accept(b);
+}
+
+TEST_F(Faults, KilledAtAnyInstant) {
+    ASSERT_EQ(run({"transfer", "small.obj", "--out", "old"}).code, 0);
+    const auto begin = Clock::now();
+    ASSERT_EQ(run({"transfer", "large.obj", "--out", "new"}).code, 0);
+    const double whole = milliseconds(Clock::now() - begin);
+    const auto old_files = results("old"), new_files = results("new");
+    ASSERT_EQ(old_files.size(), new_files.size());
+    int absent = 0, there = 0;
+    for (int i = 0; i < many(20); ++i) {
+        // Where nothing was, and where an earlier result is.
+        fs::remove_all(folder / "fresh");
+        fs::remove_all(folder / "again");
+        fs::copy(folder / "old", folder / "again");
+        for (const std::string name : {"fresh", "again"}) {
+            const pid_t child = start({"transfer", "large.obj", "--out", name});
+            std::this_thread::sleep_for(up_to(2 * whole));
+            kill(child, SIGKILL);
+            finish(child);
+            const auto files = results(name);
+            if (name == "fresh") {
+                (files.empty() ? absent : there) += 1;
+                EXPECT_TRUE(files.empty() || files.size() == new_files.size());
+            } else {
+                EXPECT_EQ(files.size(), old_files.size());
+            }
+            for (const auto& [file, bytes] : files) {
+                EXPECT_TRUE(same_result(file, bytes, new_files.at(file)) ||
+                            (name == "again" && same_result(file, bytes, old_files.at(file))))
+                    << name << '/' << file;
+            }
+            for (const fs::path& path : leftovers())
+                fs::remove_all(path);
+        }
+    }
+    EXPECT_GT(absent, 0);
+    EXPECT_GT(there, 0);
+}
+
+TEST_F(Faults, FilesMayNotGrow) {
+    ASSERT_EQ(run({"transfer", "large.obj", "--out", "new"}).code, 0);
+    uintmax_t largest = 0;
+    for (const auto& entry : fs::directory_iterator(folder / "new"))
+        largest = std::max(largest, entry.file_size());
+    for (int i = 0; i < 20; ++i) {
+        const rlim_t size = largest * rlim_t(i) / 20;
+        const Outcome outcome = run({"transfer", "large.obj", "--out", "out"}, {size, false, {}});
+        // The limit holds for the message's file as well.
+        if (size >= 1024) {
+            expect_told(outcome);
+        } else {
+            EXPECT_EQ(outcome.code, 1) << "signal " << outcome.signal;
+        }
+        EXPECT_FALSE(fs::exists(folder / "out")) << size;
+        EXPECT_TRUE(leftovers().empty()) << size;
+    }
+}
+
+TEST_F(Faults, FullDisk) {
+    if (!fs::exists("/dev/full")) GTEST_SKIP();
+    expect_told(run({"info", "small.obj"}, {RLIM_INFINITY, false, "/dev/full"}));
+    expect_told(run({"info", "small.obj", "--json"}, {RLIM_INFINITY, false, "/dev/full"}));
+    // The result is there, and says so nowhere: that is a failure too.
+    expect_told(run({"transfer", "small.obj", "--out", "out"}, {RLIM_INFINITY, false, "/dev/full"}));
+}
+
+TEST_F(Faults, ReadOnlyFolder) {
+    // As a user without rights: the program must be readable to it.
+    Surroundings around;
+    around.nobody = true;
+    for (const char* const name : {"std.out", "std.err"}) {
+        std::ofstream(folder / name).close();
+        fs::permissions(folder / name, fs::perms(0666));
+    }
+    if (run({"--version"}, around).code != 0) GTEST_SKIP() << "nobody cannot run the program here";
+    fs::create_directory(folder / "shut");
+    std::ofstream(folder / "shut" / "mine") << "mine";
+    fs::permissions(folder / "shut", fs::perms(0555));
+    for (const std::string out : {"shut", "shut/out", "out"}) {
+        const auto begin = Clock::now();
+        expect_told(run({"transfer", "large.obj", "--out", out}, around));
+        EXPECT_LT(milliseconds(Clock::now() - begin), 5000) << "said before the work";
+    }
+    EXPECT_EQ(contents(folder / "shut" / "mine"), "mine");
+    EXPECT_TRUE(leftovers().empty());
+}
+
+// From Ctrl-C to the end, wherever it comes. Nothing is left, or the whole result is there.
+TEST_F(Faults, Interrupted) {
+    const std::vector<std::vector<std::string>> commands{
+        {"transfer", "large.obj", "--out", "out", "--quality", "fine", "--repeat", "50"},
+        {"render", "large.obj", "--out", "out", "--size", "256x256", "--frames", "1"},
+        {"render", "large.obj", "--out", "out", "--size", "64x64", "--shadows", "traced"},
+        {"demo", "--quick", "--out", "out"},
+        {"info", "large.obj"},
+    };
+    std::vector<double> times;
+    for (const auto& command : commands) {
+        const auto begin = Clock::now();
+        ASSERT_EQ(run(command).code, 0) << command[0];
+        const double whole = std::min(milliseconds(Clock::now() - begin), 3000.0);
+        fs::remove_all(folder / "out");
+        for (int i = 0; i < many(4); ++i) {
+            const pid_t child = start(command);
+            // Not before the program has its handler: until then it is not ours to answer.
+            std::this_thread::sleep_for(std::chrono::milliseconds(20) + up_to(whole));
+            const auto asked = Clock::now();
+            kill(child, SIGINT);
+            const Outcome outcome = finish(child);
+            const double ms = milliseconds(Clock::now() - asked);
+            if (outcome.code != 0) {
+                expect_told(outcome);
+                EXPECT_FALSE(fs::exists(folder / "out")) << command[0];
+                times.push_back(ms);
+                if (ms > 100) std::printf("%s: %.0f ms\n", command[0].c_str(), ms);
+            }
+            EXPECT_TRUE(leftovers().empty());
+            fs::remove_all(folder / "out");
+        }
+    }
+    ASSERT_FALSE(times.empty());
+    std::sort(times.begin(), times.end());
+    std::printf("[  FIGURE  ] from SIGINT to the end = %.3g ms median, %.3g ms most\n",
+                times[times.size() / 2], times.back());
+    EXPECT_LT(times[times.size() / 2], 100);
+    EXPECT_LT(times.back(), 1000); // a machine that does other things, too
+}
+
+// Two runs into one folder: what is there in the end is one run's.
+TEST_F(Faults, TwoRunsIntoOneFolder) {
+    ASSERT_EQ(run({"transfer", "small.obj", "--out", "a"}).code, 0);
+    ASSERT_EQ(run({"transfer", "large.obj", "--out", "b"}).code, 0);
+    const auto small = results("a"), large = results("b");
+    int wins[2] = {};
+    for (int i = 0; i < many(10); ++i) {
+        if (i % 2 == 0) fs::remove_all(folder / "out");
+        const pid_t one = start({"transfer", "small.obj", "--out", "out", "--repeat", "3"}, "one"),
+                    two = start({"transfer", "large.obj", "--out", "out"}, "two");
+        EXPECT_EQ(finish(one, "one").code, 0);
+        EXPECT_EQ(finish(two, "two").code, 0);
+        const auto files = results("out");
+        const bool is_large = files.at("positions.npy") == large.at("positions.npy");
+        ++wins[is_large];
+        for (const auto& [name, bytes] : is_large ? large : small)
+            EXPECT_TRUE(same_result(name, files.at(name), bytes)) << name << " is the other run's";
+        const auto stats = nlohmann::json::parse(files.at("stats.json"));
+        EXPECT_TRUE(leftovers().empty());
+    }
+    std::printf("[  FIGURE  ] the smaller run came last in %d of %d\n", wins[0], wins[0] + wins[1]);
+}
+
+// Every broken file, as a user would meet it: a code, one clean line, little memory, soon.
+TEST_F(Faults, BrokenFiles) {
+    if (!fs::exists(data_folder / "bad")) GTEST_SKIP() << "no shared data at " << data_folder;
+    size_t files = 0;
+    long most = 0;
+    const long image_floor = run({"render", "small.obj", "--out", "out", "--size", "8x8"}).kilobytes;
+    for (const auto& entry : fs::recursive_directory_iterator(data_folder / "bad")) {
+        const std::string extension = entry.path().extension().string();
+        const bool image = extension == ".hdr" || extension == ".exr";
+        const bool model = extension == ".gltf" || extension == ".glb" || extension == ".obj" ||
+                           extension == ".ply" || extension == ".off";
+        if (!entry.is_regular_file() || (!image && !model)) continue;
+        ++files;
+        fs::remove_all(folder / "out");
+        const Outcome outcome = image ? run({"render", "small.obj", "--env", entry.path().string(), "--out",
+                                             "out", "--size", "8x8", "--quality", "draft"})
+                                      : run({"info", entry.path().string()});
+        SCOPED_TRACE(entry.path().string());
+        EXPECT_TRUE(outcome.code == 0 || outcome.code == 1) << outcome.code << ", signal " << outcome.signal;
+        for (const std::string& text : {outcome.out, outcome.err}) {
+            for (const char c : text)
+                ASSERT_TRUE(c == '\n' || (static_cast<unsigned char>(c) >= 0x20 && c != 0x7F)) << text;
+        }
+        if (outcome.code == 1) expect_told(outcome);
+#if !defined(NUSSELT_SANITIZED)
+        const long allowed = (image ? image_floor : 0) + 64 * 1024 + 40 * long(entry.file_size()) / 1024;
+        EXPECT_LE(outcome.kilobytes, allowed);
+        EXPECT_LT(outcome.ms, 1000 + 0.2 * double(entry.file_size()) / 1000 + (image ? 2000 : 0));
+#endif
+        most = std::max(most, outcome.kilobytes - (image ? image_floor : 0));
+    }
+    std::printf("[  FIGURE  ] broken files = %zu, most memory = %ld KB\n", files, most);
+    EXPECT_GT(files, 200u);
+}
+
+} // namespace
+} // namespace nusselt::tools
