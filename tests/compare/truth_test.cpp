@@ -371,6 +371,7 @@ TEST(Peer, RefitsAndFollowsTheSurface) {
 }
 
 TEST(Peer, ThreadsDontChangeTheResult) {
+    if (!has_feature(Feature::tbb)) GTEST_SKIP() << "several threads take TBB";
     Peer one(bowl().all, 1), two(bowl().all, 2);
     std::vector<float> a, b;
     one.frame(bowl().all, bowl().receivers, concentric_grid(16), PeerLoop::packets, a);
