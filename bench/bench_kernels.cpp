@@ -402,9 +402,8 @@ struct Gold {
     explicit Gold(const Recording& r) {
         const MaskLayout& layout = r.tables->layout;
         memory.resize(cell_table_size(layout));
-        std::vector<double> weights(size_t(mask_bits(layout)) * 25);
-        cells = build_cell_tables(layout, r.tables->scale, reinterpret_cast<double(*)[25]>(weights.data()),
-                                  memory.data());
+        std::vector<SampleBit> samples(mask_bits(layout));
+        cells = build_cell_tables(layout, r.tables->scale, samples.data(), memory.data());
         uint32_t count = 0;
         for (uint32_t level = 0; level < sky_levels; ++level) {
             sky.size[level] = 200 >> level;

@@ -25,9 +25,8 @@ constexpr float sharpest_alpha(uint32_t mask_bits) {
 constexpr size_t cell_table_size(const MaskLayout& l) { // floats
     return size_t(mask_bits(l)) * (5 + sh_columns) + size_t(mask_blocks(l)) * 3;
 }
-// `memory` holds cell_table_size floats, `weights` 25 a bit of scratch; `scale` as in Tables.
-CellTables build_cell_tables(const MaskLayout& layout, const float* scale, double (*weights)[25],
-                             float* memory);
+// `memory` holds cell_table_size floats, `samples` is scratch, one a bit; `scale` as in Tables.
+CellTables build_cell_tables(const MaskLayout& layout, const float* scale, SampleBit* samples, float* memory);
 
 enum class Lobe : uint32_t { phong, ggx };
 

@@ -258,7 +258,7 @@ double sky_solid_angle(uint32_t mask_bits, uint32_t level) {
     return 4 * quarter_pi / mask_bits * 1.4142135623730950 * (1u << level);
 }
 
-CellTables build_cell_tables(const MaskLayout& layout, const float* scale, double (*weights)[25],
+CellTables build_cell_tables(const MaskLayout& layout, const float* scale, SampleBit* samples,
                              float* memory) {
     const uint32_t bits = mask_bits(layout), blocks = mask_blocks(layout);
     float* next = memory;
@@ -272,11 +272,9 @@ CellTables build_cell_tables(const MaskLayout& layout, const float* scale, doubl
     auto* const level = reinterpret_cast<uint32_t*>(take(bits));
     float* const direction[3] = {take(bits), take(bits), take(bits)};
     float* const block_direction[3] = {take(blocks), take(blocks), take(blocks)};
-    double directions[max_mask_bits][3];
-    bool used[max_mask_bits] = {};
     for (uint32_t bit = 0; bit < bits; ++bit)
-        used[bit] = sample_direction(layout, bit, directions[bit]);
-    cell_weights(layout, directions, used, weights);
+        samples[bit].used = sample_direction(layout, bit, samples[bit].direction);
+    cell_weights(layout, samples);
     // Of what a bit or a block stands for, the middle: the first band is the mean direction, times a
     // constant. A sample that lies aside would be a worse place to know a BRDF or a light.
     const auto middle_of = [](const double sum[3], uint32_t k) {
@@ -286,14 +284,14 @@ CellTables build_cell_tables(const MaskLayout& layout, const float* scale, doubl
     for (uint32_t block = 0; block < blocks; ++block) {
         double mean[3] = {};
         for (uint32_t bit = block * 16; bit < block * 16 + 16; ++bit) {
-            const double* w = weights[bit];
+            const double* w = samples[bit].weights;
             const double own[3] = {w[3], w[1], w[2]};
             for (uint32_t k = 0; k < 3; ++k) {
                 direction[k][bit] = middle_of(own, k);
                 mean[k] += own[k];
             }
             share[bit] = float(w[0] / double(open_first));
-            level[bit] = used[bit] ? sky_level(double(direction[2][bit])) : sky_levels;
+            level[bit] = samples[bit].used ? sky_level(double(direction[2][bit])) : sky_levels;
             for (uint32_t i = 0; i < sh_columns; ++i)
                 bit_weights[size_t(bit) * sh_columns + i] = i < 25 ? float(w[i] / double(scale[i])) : 0.0f;
         }

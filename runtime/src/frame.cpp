@@ -314,12 +314,11 @@ const kernels::CellTables* cells_of(Context& context, Quality quality, const Fra
     CellMemory& cells = context.cells[static_cast<uint32_t>(quality)];
     if (cells.memory.empty()) {
         const jobs::FloatEnvironment environment;
-        Vector<double> weights(size_t(kernels::mask_bits(frame.quality.layout)) * 25, 0.0,
-                               HostAllocator<double>(context.allocator));
+        Vector<kernels::SampleBit> samples(kernels::mask_bits(frame.quality.layout), {},
+                                           HostAllocator<kernels::SampleBit>(context.allocator));
         cells.memory.resize(kernels::cell_table_size(frame.quality.layout));
-        cells.tables =
-            kernels::build_cell_tables(frame.quality.layout, frame.tables->scale,
-                                       reinterpret_cast<double(*)[25]>(weights.data()), cells.memory.data());
+        cells.tables = kernels::build_cell_tables(frame.quality.layout, frame.tables->scale, samples.data(),
+                                                  cells.memory.data());
     }
     return &cells.tables;
 }

@@ -18,10 +18,8 @@ struct GlossyTables {
 
     explicit GlossyTables(const MaskLayout& layout)
         : memory(aligned_array<float>(cell_table_size(layout))),
-          cells(build_cell_tables(
-              layout, tables_of(layout).scale,
-              reinterpret_cast<double (*)[25]>(aligned_array<double>(25 * size_t(mask_bits(layout))).get()),
-              memory.get())) {}
+          cells(build_cell_tables(layout, tables_of(layout).scale,
+                                  std::vector<SampleBit>(mask_bits(layout)).data(), memory.get())) {}
 };
 
 Reflection random_reflection(Random& random, const CellTables& cells) {
