@@ -204,7 +204,7 @@ void run_lists(State& state, const Kernels& k, const Tables& tables, std::vector
         if (!same(ours.data(), theirs.data(), ours.size())) return state.SkipWithError(wrong);
     }
     // In parts, as a frame carries them out whenever some have gathered.
-    constexpr uint32_t part = 256;
+    constexpr uint32_t part = 64;
     std::vector<JobList> parts;
     for (Jobs& list : jobs) {
         const JobList all = list.list();
@@ -317,7 +317,7 @@ void shade(State& state, const Kernels& k, Recording& r) {
     k.shade(light, 5, r.transfer.data(), 100, count, ours.data());
     kernels_for(Set::scalar)->shade(light, 5, r.transfer.data(), 100, count, theirs.data());
     if (!same(ours.data(), theirs.data(), ours.size())) return state.SkipWithError(wrong);
-    constexpr size_t part = 256;
+    constexpr size_t part = 64;
     const auto size_of = [&](size_t i) { return std::min(part, count - i * part); };
     const auto once = [&](size_t i) {
         k.shade(light, 5, &r.transfer[i * part * 25], 100, size_of(i), &ours[i * part * 3]);
@@ -344,7 +344,7 @@ void evaluate(State& state, const Kernels& k) {
     k.evaluate_sh(x.data(), y.data(), z.data(), count, ours.data());
     kernels_for(Set::scalar)->evaluate_sh(x.data(), y.data(), z.data(), count, theirs.data());
     if (!same(ours.data(), theirs.data(), ours.size())) return state.SkipWithError(wrong);
-    constexpr size_t part = 256;
+    constexpr size_t part = 64;
     const auto once = [&](size_t i) {
         k.evaluate_sh(&x[i * part], &y[i * part], &z[i * part], part, &ours[i * part * 25]);
     };

@@ -317,7 +317,7 @@ if (report.scenes.length > 1) {
     const some = e.error.clear.count > 0;
     for (const value of [e.error.clear.mean, e.error.clear.p99, e.error.clear.max]) cell(some ? percent(value) : "");
     cell(some && floor ? percent(floor.error.clear.mean) : "");
-    cell(some && floor && !floor.error.clear.below_noise ? (e.error.clear.mean / floor.error.clear.mean).toFixed(2) : "");
+    cell(some && floor && floor.error.clear.mean > 1e-5 ? (e.error.clear.mean / floor.error.clear.mean).toFixed(2) : "");
     cell(percent(e.error.all.mean));
     cell(speedup(e, "clear"));
     cell(speedup(e, "all"));

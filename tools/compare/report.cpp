@@ -90,6 +90,8 @@ Json to_json(const FrameStats& s) {
     return {{"counters",
              {{"receivers", s.receivers},
               {"receivers_computed", s.receivers_computed},
+              {"receivers_copied", s.receivers_copied},
+              {"receivers_inside", s.receivers_inside},
               {"receivers_invalid", s.receivers_invalid},
               {"clusters_tested", s.clusters_tested},
               {"clusters_rasterized", s.clusters_rasterized},
@@ -338,10 +340,10 @@ std::string terminal_table(const Comparison& comparison) {
             out += '\n';
         }
         out += format(
-            "  memory: meshes %.1f MB, context %.1f MB, peer %.1f MB; peer's BVH built in %.2f ms, refitted "
-            "in %.2f ms\n",
+            "  memory: meshes %.1f MB, context %.1f MB, peer %.1f MB; peer's BVH built in %.2f ms%s\n",
             static_cast<double>(scene.mesh_bytes) * 1e-6, static_cast<double>(scene.context_bytes) * 1e-6,
-            static_cast<double>(scene.peer_bytes) * 1e-6, scene.peer_build_ms, scene.peer_refit_ms);
+            static_cast<double>(scene.peer_bytes) * 1e-6, scene.peer_build_ms,
+            scene.peer_refit_ms > 0 ? format(", refitted in %.2f ms", scene.peer_refit_ms).c_str() : "");
         for (const std::string& note : scene.notes)
             out += "  note: " + printable(note) + '\n';
         out += '\n';
@@ -377,7 +379,7 @@ std::string summary_table(const Comparison& comparison) {
             continue;
         }
         const double times_floor =
-            floor && !floor->clear.noisy ? entry->clear.each.mean / floor->clear.each.mean : 0;
+            floor && floor->clear.each.mean > 1e-5 ? entry->clear.each.mean / floor->clear.each.mean : 0;
         out += format(
             " %12s %5.0f%% |",
             (std::to_string(scene.reference_receivers) + "/" + std::to_string(scene.receivers)).c_str(),

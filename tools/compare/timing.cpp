@@ -17,6 +17,8 @@ Time time_of(std::vector<double> values) {
 void add_stats(FrameStats& sum, const FrameStats& s) {
     sum.receivers += s.receivers;
     sum.receivers_computed += s.receivers_computed;
+    sum.receivers_copied += s.receivers_copied;
+    sum.receivers_inside += s.receivers_inside;
     sum.receivers_invalid += s.receivers_invalid;
     sum.clusters_tested += s.clusters_tested;
     sum.clusters_rasterized += s.clusters_rasterized;
