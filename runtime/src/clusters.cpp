@@ -243,20 +243,19 @@ void append_clusters(const Vector<uint32_t>& triangles, const uint32_t* chosen, 
             }
             t.corner[k] = static_cast<uint8_t>(local);
         }
+        // Every cluster takes an edge from its lower vertex to its higher. A plane that holds the zenith has
+        // two cells in the table, one for each way round, and clusters that took one each left a crack.
         for (uint32_t k = 0; k < 3; ++k) {
-            const uint8_t from = t.corner[k], to = t.corner[(k + 1) % 3];
-            uint8_t number = writer.edge_number[from * 64u + to];
+            const uint32_t next = (k + 1) % 3;
+            const bool flipped = triangle[k] > triangle[next];
+            const uint8_t from = t.corner[flipped ? next : k], to = t.corner[flipped ? k : next];
+            uint8_t& number = writer.edge_number[from * 64u + to];
             if (number == 0xFF) {
-                number = writer.edge_number[to * 64u + from];
-                if (number != 0xFF) {
-                    t.flipped = static_cast<uint8_t>(t.flipped | (1u << k));
-                } else {
-                    number = static_cast<uint8_t>(out.edges.size() - out.edge_begin.back());
-                    writer.edge_number[from * 64u + to] = number;
-                    out.edges.push_back({from, to});
-                }
+                number = static_cast<uint8_t>(out.edges.size() - out.edge_begin.back());
+                out.edges.push_back({from, to});
             }
             t.edge[k] = number;
+            t.flipped = static_cast<uint8_t>(t.flipped | uint32_t(flipped) << k);
         }
         out.triangles.push_back(t);
     }

@@ -16,7 +16,8 @@ constexpr uint32_t max_levels = 16;
 constexpr uint32_t batch_receivers = 16; // receivers that go through all kernels together
 
 // Corners and edges are numbers within the cluster. Edge k runs between corners k and (k + 1) % 3; bit k of
-// `flipped` is set where the cluster's edge is stored the other way round.
+// `flipped` is set where the cluster's edge is stored the other way round: from the mesh's lower vertex to
+// its higher.
 struct ClusterTriangle {
     uint8_t corner[3];
     uint8_t edge[3];

@@ -179,7 +179,7 @@ TEST(Accuracy, M11FullEnclosure) {
         figure(name + "leaked samples per 10 M", 1e7 * double(leaks) / (1024.0 * double(receivers)), "bits");
         figure(name + "receivers with a leak", 100.0 * double(holed) / double(receivers), "%");
         figure(name + "most leaked at a receiver", double(most), "bits");
-        EXPECT_LE(double(leaks) / double(receivers), 0.5);
+        EXPECT_LE(double(leaks) / double(receivers), 0.3);
     }
 }
 
@@ -234,7 +234,7 @@ TEST(Accuracy, M11LatticeRoom) {
         }
         const std::string name = offset > 0 ? "M11 lattice room at 1e5: " : "M11 lattice room: ";
         figure(name + "leaked samples per receiver", double(leaks) / double(receivers), "bits");
-        EXPECT_LE(double(leaks) / double(receivers), 5.5);
+        EXPECT_LE(double(leaks) / double(receivers), 0.05);
     }
 }
 

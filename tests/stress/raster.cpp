@@ -42,19 +42,16 @@ struct ClusterBuilder {
             record[k] = at->second;
         }
         for (uint32_t k = 0; k < 3; ++k) {
-            const uint8_t from = record[k], to = record[(k + 1) % 3];
-            const auto same = edge.find({from, to}), turned = edge.find({to, from});
-            if (same != edge.end()) {
-                record[3 + k] = same->second;
-            } else if (turned != edge.end()) {
-                record[3 + k] = turned->second;
-                record[6] = uint8_t(record[6] | 1u << k);
-            } else {
-                record[3 + k] = uint8_t(edge.size());
-                edge[{from, to}] = record[3 + k];
+            const uint32_t next = (k + 1) % 3;
+            const bool flipped = t[k] > t[next];
+            const uint8_t from = record[flipped ? next : k], to = record[flipped ? k : next];
+            const auto [at, fresh] = edge.try_emplace({from, to}, uint8_t(edge.size()));
+            if (fresh) {
                 out->edges.push_back(from);
                 out->edges.push_back(to);
             }
+            record[3 + k] = at->second;
+            record[6] = uint8_t(record[6] | uint32_t(flipped) << k);
         }
         out->triangles.insert(out->triangles.end(), record, record + 8);
     }
