@@ -119,20 +119,52 @@ double percentile(std::vector<double>& values, double part) {
     return values[std::min(values.size() - 1, size_t(part * double(values.size())))];
 }
 
-// J2. A thousand instants, from before the first task to after the last: a vertex has its whole result or
-// what was there before, the count says which, and the next frame knows nothing of it.
+// Cancels a frame from whichever thread begins its n-th zone, counted from `arm` on.
+struct CancelAtZone {
+    Context* context = nullptr;
+    FrameId frame;
+    std::atomic<int32_t> left = 0; // 1: the next; 0 and below: never
+
+    void arm(FrameId id, uint32_t zones) {
+        frame = id;
+        left = int32_t(zones);
+    }
+    void disarm() { left = 0; }
+    Profiler hook() {
+        return {this,
+                [](void* user, const char*) {
+                    auto& self = *static_cast<CancelAtZone*>(user);
+                    if (self.left > 0 && self.left.fetch_sub(1) == 1) {
+                        const Status status = cancel(self.context, self.frame);
+                        EXPECT_TRUE(status.ok() || status.code == StatusCode::stale_handle);
+                    }
+                },
+                [](void*, const char*) {}};
+    }
+};
+
+// J2. A thousand instants, from before the first task to after the last, half of them by the clock of another
+// thread and half by the stages that have begun: a vertex has its whole result or what was there before, the
+// count says which, and the next frame knows nothing of it.
 TEST(Faults, J2CancelledAtAThousandInstants) {
     const Outputs expected = cold(0.7f);
     TestExecutor executor({"pool", Order::fifo, 2, 2});
-    Engine engine(on(executor));
+    CancelAtZone zones;
+    ContextDesc desc = on(executor);
+    desc.profiler = zones.hook();
+    Engine engine(desc);
+    zones.context = engine.context;
     const std::vector<MeshId> ids = small().add_to(engine.context);
     const std::vector<Posed> posed = small().posed(ids, 0.7f);
     std::vector<double> plain;
+    zones.arm({}, 1u << 30);
     for (int i = 0; i < 20; ++i) {
         const auto start = Clock::now();
         ASSERT_EQ(run_frame(engine.context, posed), expected);
         plain.push_back(milliseconds_since(start));
     }
+    const uint32_t zones_of_a_frame = uint32_t((1 << 30) - zones.left) / 20;
+    zones.disarm();
     const double length = percentile(plain, 0.5);
     Random random(stress_seed() + 101);
     std::vector<double> left;
@@ -142,22 +174,28 @@ TEST(Faults, J2CancelledAtAThousandInstants) {
         // Most of them where the frame is under way, from the first thread's start on.
         const auto at = std::chrono::duration<double, std::milli>(random.between(-0.2f, 1) * length);
         ASSERT_TRUE(flight.submit().ok());
-        std::atomic<double> asked = 0;
+        std::atomic<double> asked = 1e9;
         const auto start = Clock::now();
-        std::thread other([&] {
-            while (Clock::now() - start < at)
-                std::this_thread::yield();
-            const Status status = cancel(engine.context, flight.id);
-            EXPECT_TRUE(status.ok() || status.code == StatusCode::stale_handle);
-            asked = milliseconds_since(start);
-        });
+        std::thread other;
+        if (i % 2 == 0) {
+            zones.arm(flight.id, 1 + random.below(zones_of_a_frame));
+        } else {
+            other = std::thread([&] {
+                while (Clock::now() - start < at)
+                    std::this_thread::yield();
+                const Status status = cancel(engine.context, flight.id);
+                EXPECT_TRUE(status.ok() || status.code == StatusCode::stale_handle);
+                asked = milliseconds_since(start);
+            });
+        }
         FrameStats stats;
         ASSERT_TRUE(wait(engine.context, flight.id, &stats).ok());
         const double returned = milliseconds_since(start);
-        other.join();
+        zones.disarm();
+        if (other.joinable()) other.join();
         if (returned > asked) left.push_back(returned - asked);
         const uint32_t written = flight.written(expected);
-        ASSERT_EQ(written, stats.receivers_written) << "cancelled after " << at.count() << " ms";
+        ASSERT_EQ(written, stats.receivers_written) << "instant " << i;
         partial += written > 0 && written < stats.receivers;
         none += written == 0;
         if (i % 50 == 0) {
@@ -172,7 +210,9 @@ TEST(Faults, J2CancelledAtAThousandInstants) {
         figure("J2 from cancel to the return of wait, median", percentile(left, 0.5), "ms");
         figure("J2 from cancel to the return of wait, 99 of 100 below", percentile(left, 0.99), "ms");
     }
-    EXPECT_GT(partial + none, 10u); // no empty experiment
+    // No empty experiment, whatever else the machine does.
+    EXPECT_GT(partial, 10u);
+    EXPECT_GT(none, 10u);
 }
 
 // A host whose executor throws at its k-th call, whichever of the two it is.
@@ -235,6 +275,10 @@ TEST(Faults, J1AllocatorThatThrows) {
         uint64_t calls = 0, throws_at = ~0ull;
         int64_t held = 0;
     } host;
+    const Outputs expected = [] {
+        Engine engine;
+        return run_at_rest(engine.context, {small().ring});
+    }();
     ContextDesc desc;
     desc.allocator = {&host,
                       [](void* user, size_t size, size_t alignment) -> void* {
@@ -263,20 +307,26 @@ TEST(Faults, J1AllocatorThatThrows) {
             Flight flight(context, {at_rest(id, mesh)});
             status = flight.submit();
             if (status.ok()) status = wait(context, flight.id, nullptr);
+            if (status.ok()) {
+                EXPECT_TRUE(flight.whole(expected));
+            }
         }
         EXPECT_TRUE(destroy_context(context).ok());
         return status.code;
     };
     ASSERT_EQ(attempt(), StatusCode::ok);
+    uint64_t did_without = 0;
     const uint64_t calls = host.calls, step = stress_cases() >= 20000 ? 1 : 7;
     for (uint64_t k = 0; k < calls; k += step) {
         host.calls = 0;
         host.throws_at = k;
         StatusCode code = StatusCode::ok;
         ASSERT_NO_THROW(code = attempt()) << "request " << k;
-        EXPECT_EQ(code, StatusCode::out_of_memory) << "request " << k;
+        EXPECT_TRUE(code == StatusCode::out_of_memory || code == StatusCode::ok) << "request " << k;
+        did_without += code == StatusCode::ok;
         EXPECT_EQ(host.held, 0) << "request " << k;
     }
+    EXPECT_LE(did_without, 1u); // giving memory back takes a request, and may fail
     figure("J1 requests of a context, a mesh and a frame, each failed in turn", double(calls), "requests");
 }
 
