@@ -15,12 +15,13 @@ namespace {
 // slivers, and where they are near the finer level is drawn.
 constexpr float clear_of_own = 1.5f;
 
-// Coordinates are rounded, by 2^-24 of their distance from the frame's origin. So of two surfaces in one plane
-// one lies above the other here and there, by a few times that, and would hide the whole hemisphere: with 3
-// times 2^-24 a thousandth of the receivers of such surfaces turned dark, with 4 none.
+// Coordinates are rounded, by 2^-24 of their distance from the frame's origin. So of two surfaces in one
+// plane one lies above the other here and there, by a few times that, and would hide the whole hemisphere:
+// with 3 times 2^-24 a thousandth of the receivers of such surfaces turned dark, with 4 none.
 constexpr float rounding = 4e-7f;
 
-// What a cluster's clearance must be for its coordinates' sake, beside the 1e-6 of its radius that kernels add.
+// What a cluster's clearance must be for its coordinates' sake, beside the 1e-6 of its radius that kernels
+// add.
 float clear_of_rounding(const kernels::ClusterView& view) {
     const float* c = view.centre;
     const float far = std::sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) + view.radius;
