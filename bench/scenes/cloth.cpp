@@ -191,6 +191,7 @@ Scene make_cloth() {
     scene.duration = duration;
     scene.view_direction = {-0.45f, -0.6f, -1.0f};
     scene.meshes.push_back(sheet());
+    scene.meshes.back().two_sided.assign(scene.meshes.back().rest_positions.size(), 1);
     scene.meshes.push_back(plane(2.4f, 12));
     scene.meshes.back().name = "floor";
     scene.meshes.back().albedo.assign(scene.meshes.back().rest_positions.size(), glm::vec3(0.42f));

@@ -22,6 +22,8 @@ struct Mesh {
     // glTF's metallic-roughness model, per vertex: (metallic, roughness), with albedo as the base colour.
     // Empty: neither is known.
     std::vector<glm::vec2> metallic_roughness;
+    // 1: a sheet that is seen from both sides, per vertex (glTF's doubleSided). Empty: none is known to be.
+    std::vector<uint8_t> two_sided = {};
 };
 
 // The scene at one moment, in world space: positions[mesh][vertex], normals[mesh][vertex] (unit length).

@@ -219,6 +219,37 @@ TEST(Primitives, ColoursAndSharedVertices) {
     EXPECT_EQ(r.model.stored_triangles, 2u);
 }
 
+TEST(Primitives, Materials) {
+    Gltf gltf;
+    const int positions = gltf.floats({0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0}, "VEC3");
+    const int first = gltf.accessor(bytes_of<uint8_t>({0, 1, 2}), ubyte_type, "SCALAR", 3);
+    const int second = gltf.accessor(bytes_of<uint8_t>({1, 3, 2}), ubyte_type, "SCALAR", 3);
+    gltf.root["materials"] = {
+        {{"pbrMetallicRoughness", {{"metallicFactor", 0.25}, {"roughnessFactor", 0.5}}}},
+        {{"pbrMetallicRoughness", {{"metallicFactor", 0.25}, {"roughnessFactor", 0.5}}},
+         {"doubleSided", true}}};
+    const json attributes = {{"POSITION", positions}};
+    push(gltf.root["meshes"], {{"primitives",
+                                {{{"attributes", attributes}, {"indices", first}, {"material", 0}},
+                                 {{"attributes", attributes}, {"indices", second}, {"material", 1}}}}});
+    gltf.node({{"mesh", 0}});
+    LoadResult r = gltf.load();
+    ASSERT_TRUE(r.ok) << r.error.what;
+    const scenes::Mesh& mesh = r.model.meshes[0];
+    EXPECT_EQ(mesh.indices, (std::vector<uint32_t>{0, 1, 2, 4, 3, 5})); // a sheet beside what is none
+    EXPECT_EQ(mesh.two_sided, (std::vector<uint8_t>{0, 0, 0, 1, 1, 1}));
+    EXPECT_EQ(mesh.metallic_roughness, std::vector<glm::vec2>(6, {0.25f, 0.5f}));
+    gltf.root["materials"][1].erase("pbrMetallicRoughness"); // glTF's defaults
+    r = gltf.load();
+    ASSERT_TRUE(r.ok) << r.error.what;
+    EXPECT_EQ(r.model.meshes[0].metallic_roughness[3], glm::vec2(1));
+    gltf.root["materials"][1]["doubleSided"] = 1;
+    EXPECT_EQ(gltf.load().error.code, "TYPE_MISMATCH");
+    gltf.root["materials"][1]["doubleSided"] = false;
+    gltf.root["materials"][0]["pbrMetallicRoughness"]["roughnessFactor"] = "rough";
+    EXPECT_EQ(gltf.load().error.code, "TYPE_MISMATCH");
+}
+
 TEST(Extensions, Required) {
     Gltf gltf = one_triangle();
     gltf.root["extensionsUsed"] = {"KHR_draco_mesh_compression", "KHR_materials_sheen"};

@@ -187,6 +187,20 @@ struct Copier {
         }
     }
 
+    static void number(const json& in, json& out, const std::string& path, const char* name) {
+        if (const json* value = find(in, path, name, false)) {
+            if (!value->is_number()) mismatch(below(path, name), "a number");
+            out[name] = *value;
+        }
+    }
+
+    static void flag(const json& in, json& out, const std::string& path, const char* name) {
+        if (const json* value = find(in, path, name, false)) {
+            if (!value->is_boolean()) mismatch(below(path, name), "true or false");
+            out[name] = *value;
+        }
+    }
+
     static void one_of(const json& in, const std::string& path, const char* name,
                        std::initializer_list<const char*> allowed) {
         const std::string& value = in.find(name)->get_ref<const std::string&>();
@@ -245,10 +259,7 @@ json copy_accessors(const Copier& copy) {
             fail("VALUE_NOT_IN_RANGE", path + "/count", "an accessor is empty", export_again);
         Copier::text(in, accessor, path, "type", true);
         Copier::one_of(accessor, path, "type", {"SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"});
-        if (const json* normalized = Copier::find(in, path, "normalized", false)) {
-            if (!normalized->is_boolean()) Copier::mismatch(path + "/normalized", "true or false");
-            accessor["normalized"] = *normalized;
-        }
+        Copier::flag(in, accessor, path, "normalized");
         if (const json* sparse = Copier::object(in, path, "sparse")) {
             const std::string sparse_path = path + "/sparse";
             json& kept = accessor["sparse"];
@@ -507,10 +518,14 @@ json copy_materials(const Copier& copy) {
     Copier::each(copy.root, "", "materials", false, [&](const json& in, const std::string& path) {
         json material = json::object();
         if (const json* pbr = Copier::object(in, path, "pbrMetallicRoughness")) {
-            Copier::numbers(*pbr, material["pbrMetallicRoughness"], path + "/pbrMetallicRoughness",
-                            "baseColorFactor", 4);
-            if (material["pbrMetallicRoughness"].is_null()) material.erase("pbrMetallicRoughness");
+            const std::string pbr_path = path + "/pbrMetallicRoughness";
+            json kept = json::object();
+            Copier::numbers(*pbr, kept, pbr_path, "baseColorFactor", 4);
+            Copier::number(*pbr, kept, pbr_path, "metallicFactor");
+            Copier::number(*pbr, kept, pbr_path, "roughnessFactor");
+            if (!kept.empty()) material["pbrMetallicRoughness"] = std::move(kept);
         }
+        Copier::flag(in, material, path, "doubleSided");
         out.push_back(std::move(material));
     });
     return out;

@@ -452,6 +452,7 @@ Block read_block(Reader& reader, const tinygltf::Primitive& primitive, Source& s
     }
     source.albedo.resize(source.positions.size(), glm::vec3(1.0f));
     source.metallic_roughness.resize(source.positions.size(), glm::vec2(1.0f)); // glTF's default
+    source.two_sided.resize(source.positions.size(), 0);
 
     if (source.influences > 0) read_influences(reader, primitive, source, block, path);
 
@@ -487,6 +488,7 @@ uint32_t duplicate(Source& source, size_t v) {
     source.normal_missing.push_back(source.normal_missing[v]);
     source.albedo.push_back(source.albedo[v]);
     source.metallic_roughness.push_back(source.metallic_roughness[v]);
+    source.two_sided.push_back(source.two_sided[v]);
     for (size_t i = 0; i < source.influences; ++i) {
         source.joints.push_back(source.joints[v * source.influences + i]);
         source.weights.push_back(source.weights[v * source.influences + i]);
@@ -548,9 +550,11 @@ Source read_mesh(Reader& reader, size_t mesh_index) {
 
         glm::vec3 base(1.0f);
         glm::vec2 gloss(1.0f);
+        uint8_t two_sided = 0;
         if (primitive.material >= 0) {
-            const tinygltf::PbrMetallicRoughness& pbr =
-                gltf.materials[static_cast<size_t>(primitive.material)].pbrMetallicRoughness;
+            const tinygltf::Material& material = gltf.materials[static_cast<size_t>(primitive.material)];
+            const tinygltf::PbrMetallicRoughness& pbr = material.pbrMetallicRoughness;
+            two_sided = material.doubleSided;
             gloss = {clamp_unit(pbr.metallicFactor), clamp_unit(pbr.roughnessFactor)};
             const std::vector<double>& factor = pbr.baseColorFactor;
             if (factor.size() == 4) base = glm::vec3(glm::dvec3(factor[0], factor[1], factor[2]));
@@ -558,19 +562,25 @@ Source read_mesh(Reader& reader, size_t mesh_index) {
         for (const uint32_t corner : read_triangles(reader, primitive, block.count, path)) {
             auto vertex = static_cast<uint32_t>(block.begin + corner);
             const glm::vec3 colour = clamp_colour(block.colour.empty() ? base : base * block.colour[corner]);
+            const auto paint = [&](uint32_t v) {
+                source.albedo[v] = colour;
+                source.metallic_roughness[v] = gloss;
+                source.two_sided[v] = two_sided;
+            };
+            const auto is_painted = [&](uint32_t v) {
+                return source.albedo[v] == colour && source.metallic_roughness[v] == gloss &&
+                       source.two_sided[v] == two_sided;
+            };
             int& owner = block.material[corner];
             if (owner == no_one) {
                 owner = primitive.material;
-                source.albedo[vertex] = colour;
-                source.metallic_roughness[vertex] = gloss;
-            } else if (owner != primitive.material &&
-                       (source.albedo[vertex] != colour || source.metallic_roughness[vertex] != gloss)) {
+                paint(vertex);
+            } else if (owner != primitive.material && !is_painted(vertex)) {
                 // Materials are by vertex, so another one needs another vertex.
                 const auto [copy, added] = block.duplicates.try_emplace({primitive.material, corner}, 0u);
                 if (added) {
                     copy->second = duplicate(source, vertex);
-                    source.albedo[copy->second] = colour;
-                    source.metallic_roughness[copy->second] = gloss;
+                    paint(copy->second);
                 }
                 vertex = copy->second;
             }

@@ -310,6 +310,7 @@ void add_draw(Model& model, Rig& rig, size_t source_index, int node, int skin, c
     mesh.indices = source.indices;
     mesh.albedo = source.albedo;
     mesh.metallic_roughness = source.metallic_roughness;
+    mesh.two_sided = source.two_sided;
     if (draw.mirrored) {
         for (size_t v = 0; v < mesh.rest_positions.size(); ++v) {
             mesh.rest_positions[v].x = -mesh.rest_positions[v].x;

@@ -59,6 +59,7 @@ struct Source {
     std::vector<uint32_t> weld;          // first vertex at the same position; only where a normal is missing
     std::vector<glm::vec3> albedo;
     std::vector<glm::vec2> metallic_roughness; // empty where the file has no materials
+    std::vector<uint8_t> two_sided;            // 1: seen from both sides; one a vertex, or empty as above
     std::vector<uint32_t> indices;
     std::vector<MorphTarget> targets;
     std::vector<float> target_weights;

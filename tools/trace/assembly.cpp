@@ -20,6 +20,8 @@ Assembly assemble(const scenes::Scene& scene, const scenes::Pose& pose) {
         all.metallic_roughness.insert(all.metallic_roughness.end(), mesh.metallic_roughness.begin(),
                                       mesh.metallic_roughness.end());
         all.metallic_roughness.resize(all.positions.size(), glm::vec2(0, 1));
+        all.two_sided.insert(all.two_sided.end(), mesh.two_sided.begin(), mesh.two_sided.end());
+        all.two_sided.resize(all.positions.size(), 0);
         for (const uint32_t index : mesh.indices)
             all.indices.push_back(begin + index);
         all.mesh_begin.push_back(static_cast<uint32_t>(all.positions.size()));

@@ -14,6 +14,7 @@ namespace nusselt::tools {
 struct Assembly {
     std::vector<glm::vec3> positions, normals, albedo;
     std::vector<glm::vec2> metallic_roughness; // (0, 1) where a mesh has none
+    std::vector<uint8_t> two_sided;            // 0 where a mesh doesn't say
     std::vector<uint32_t> indices;
     std::vector<uint32_t> mesh_begin; // first vertex of each mesh, and the end
 };
