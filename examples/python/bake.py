@@ -42,7 +42,9 @@ class FrameMesh(c.Structure):
     _fields_ = [("mesh", Mesh), ("positions", View), ("normals", View), ("transfer", View), ("masks", View),
                 ("needed", c.c_void_p), ("outputs", c.c_void_p), ("output_size", c.c_size_t),
                 ("output_count", c.c_uint32), ("receive_only", c.c_uint32), ("gloss", c.c_void_p),
-                ("gloss_size", c.c_size_t)]
+                ("gloss_size", c.c_size_t), ("back_transfer", View), ("back_masks", View),
+                ("back_needed", c.c_void_p), ("back_outputs", c.c_void_p), ("back_output_count", c.c_uint32),
+                ("reserved", c.c_uint32)]
 
 
 class FrameDesc(c.Structure):

@@ -232,7 +232,7 @@ void load_batch(const Frame& frame, const MeshSlice& slice, const uint32_t* rece
         const float* n = element(slice.in.normals, vertex);
         for (uint32_t k = 0; k < 3; ++k) {
             batch.position[k][lane] = p[k];
-            worker.normal[k][lane] = n[k];
+            worker.normal[k][lane] = slice.is_back ? -n[k] : n[k];
         }
     }
     batch.valid = count >= lanes ? 0xFFFFu : (1u << count) - 1;

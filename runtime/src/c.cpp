@@ -86,8 +86,11 @@ constexpr uint32_t most_on_stack = 64, most_outputs_on_stack = 128;
 
 uint32_t count_outputs(const nusselt_frame_desc& desc) {
     uint32_t count = 0;
-    for (uint32_t i = 0; i < desc.mesh_count; ++i)
-        count += desc.meshes[i].outputs ? desc.meshes[i].output_count : 0;
+    for (uint32_t i = 0; i < desc.mesh_count; ++i) {
+        const nusselt_frame_mesh& m = desc.meshes[i];
+        count += m.outputs ? m.output_count : 0;
+        count += m.back_outputs ? m.back_output_count : 0;
+    }
     return count;
 }
 
@@ -106,20 +109,30 @@ Output cpp(const nusselt_output& o) {
 // `outputs` has room for all of them.
 void convert(const nusselt_frame_desc& desc, FrameMesh* out, Output* outputs) {
     const size_t mask_stride = quality_mask_bits(quality_of(desc.quality)) / 8;
+    const auto masks_of = [=](const nusselt_mask_view& v) {
+        return MaskView{v.data, v.count, v.stride ? v.stride : mask_stride};
+    };
+    const auto take = [&](const nusselt_output* from, uint32_t count) -> const Output* {
+        if (!from) return nullptr;
+        const Output* const first = outputs;
+        for (uint32_t k = 0; k < count; ++k)
+            *outputs++ = cpp(from[k]);
+        return first;
+    };
     for (uint32_t i = 0; i < desc.mesh_count; ++i) {
         const nusselt_frame_mesh& m = desc.meshes[i];
         out[i] = {cpp(m.mesh),
                   cpp(m.positions),
                   cpp(m.normals),
                   cpp(m.transfer),
-                  {m.masks.data, m.masks.count, m.masks.stride ? m.masks.stride : mask_stride},
+                  masks_of(m.masks),
                   m.needed,
-                  m.outputs ? outputs : nullptr,
+                  take(m.outputs, m.output_count),
                   m.output_count,
                   reinterpret_cast<const Gloss*>(m.gloss),
-                  m.receive_only};
-        for (uint32_t k = 0; m.outputs && k < m.output_count; ++k)
-            *outputs++ = cpp(m.outputs[k]);
+                  m.receive_only,
+                  {cpp(m.back_transfer), masks_of(m.back_masks), m.back_needed,
+                   take(m.back_outputs, m.back_output_count), m.back_output_count}};
     }
 }
 
@@ -269,7 +282,7 @@ nusselt_status nusselt_submit(nusselt_context* context, const nusselt_frame_desc
     nusselt_status size = check_size(sizeof(*desc), desc->size);
     if (size.code == NUSSELT_OK) size = check_size(sizeof(nusselt_frame_mesh), desc->mesh_size);
     for (uint32_t i = 0; size.code == NUSSELT_OK && desc->meshes && i < desc->mesh_count; ++i) {
-        if (desc->meshes[i].output_count > 0)
+        if (desc->meshes[i].output_count > 0 || desc->meshes[i].back_output_count > 0)
             size = check_size(sizeof(nusselt_output), desc->meshes[i].output_size);
         if (size.code == NUSSELT_OK && desc->meshes[i].gloss)
             size = check_size(sizeof(nusselt_gloss), desc->meshes[i].gloss_size);

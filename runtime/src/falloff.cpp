@@ -206,15 +206,15 @@ Status check_falloff(const FrameDesc& desc) {
             "no frame started: quality paper has no falloff, it is the method as published; use another");
     if (desc.history.generation != 0)
         return bad("no frame started: a falloff with a history, which does not know it; give one of the two");
+    const auto any_from_masks = [](const FrameMesh& m) {
+        return std::any_of(m.outputs, m.outputs + m.output_count,
+                           [&](const Output& output) { return is_from_masks(output.kind, m.gloss); });
+    };
     for (uint32_t i = 0; i < desc.mesh_count; ++i) {
-        for (uint32_t k = 0; k < desc.meshes[i].output_count; ++k) {
-            const FrameMesh& m = desc.meshes[i];
-            const bool masks = is_from_masks(m.outputs[k].kind, m.gloss);
-            if (masks)
-                return bad(
-                    "no frame started: glossy and direct light have no falloff, which only transfer vectors "
-                    "and what is made of them know; ask for one of the two");
-        }
+        if (any_from_masks(desc.meshes[i]) || any_from_masks(turned_over(desc.meshes[i])))
+            return bad(
+                "no frame started: glossy and direct light have no falloff, which only transfer vectors "
+                "and what is made of them know; ask for one of the two");
     }
     return {};
 }

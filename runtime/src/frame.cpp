@@ -44,6 +44,23 @@ Status check_outputs(const FrameMesh& m, const FrameDesc& desc, const QualitySet
     return m.gloss ? check_gloss(*m.gloss) : Status{};
 }
 
+// What a frame is to write of one side of a mesh.
+Status check_results(const FrameMesh& m, const FrameDesc& desc, const QualitySettings& quality) {
+    const auto bad = [](const char* text) { return Status{StatusCode::invalid_argument, text}; };
+    if (m.transfer.data &&
+        (m.transfer.stride < size_t(4) * desc.order * desc.order || m.transfer.stride % 4 != 0))
+        return bad("no frame started: the transfer stride is too small for the order (100 bytes for 5), or "
+                   "no multiple of 4; strides are in bytes");
+    if (m.masks.data && (m.masks.stride < kernels::mask_bytes(quality.layout) || m.masks.stride % 4 != 0))
+        return bad("no frame started: the mask stride is too small for the quality, or no multiple of 4; "
+                   "quality_mask_bits tells the size");
+    if (const Status status = check_outputs(m, desc, quality); !status.ok()) return status;
+    if (m.masks.data && !receives(m))
+        return bad("no frame started: masks without transfer or outputs; a side of a mesh that receives has "
+                   "one of them");
+    return {};
+}
+
 Status check(const FrameDesc& desc) {
     const auto bad = [](const char* text) { return Status{StatusCode::invalid_argument, text}; };
     const QualitySettings* quality = quality_settings(desc.quality);
@@ -75,19 +92,8 @@ Status check(const FrameDesc& desc) {
                                 m.normals.stride < 12 || m.normals.stride % 4 != 0))
             return bad(
                 "no frame started: a stride is under 12 bytes or no multiple of 4; strides are in bytes");
-        if (m.transfer.data &&
-            (m.transfer.stride < size_t(4) * desc.order * desc.order || m.transfer.stride % 4 != 0))
-            return bad(
-                "no frame started: the transfer stride is too small for the order (100 bytes for 5), or "
-                "no multiple of 4; strides are in bytes");
-        if (m.masks.data &&
-            (m.masks.stride < kernels::mask_bytes(quality->layout) || m.masks.stride % 4 != 0))
-            return bad("no frame started: the mask stride is too small for the quality, or no multiple of 4; "
-                       "quality_mask_bits tells the size");
-        if (const Status status = check_outputs(m, desc, *quality); !status.ok()) return status;
-        if (m.masks.data && !receives(m))
-            return bad("no frame started: masks without transfer or outputs; a mesh that receives has one of "
-                       "them");
+        if (const Status status = check_results(m, desc, *quality); !status.ok()) return status;
+        if (const Status status = check_results(turned_over(m), desc, *quality); !status.ok()) return status;
         for (uint32_t k = 0; k < i; ++k) {
             if (desc.meshes[k].mesh.slot == m.mesh.slot)
                 return bad("no frame started: a mesh is in it twice; add it twice to draw it twice");
@@ -96,13 +102,16 @@ Status check(const FrameDesc& desc) {
     return check_falloff(desc);
 }
 
+bool results_fit(const FrameMesh& m, size_t count) {
+    return std::all_of(m.outputs, m.outputs + m.output_count,
+                       [=](const Output& output) { return output.count == count; }) &&
+           (!m.transfer.data || m.transfer.count == count) && (!m.masks.data || m.masks.count == count);
+}
+
 bool counts_fit(const FrameMesh& m, bool same_pose, const MeshData& data) {
     const size_t count = data.vertex_count;
-    for (uint32_t k = 0; k < m.output_count; ++k) {
-        if (m.outputs[k].count != count) return false;
-    }
-    return (same_pose || (m.positions.count == count && m.normals.count == count)) &&
-           (!m.transfer.data || m.transfer.count == count) && (!m.masks.data || m.masks.count == count);
+    return (same_pose || (m.positions.count == count && m.normals.count == count)) && results_fit(m, count) &&
+           results_fit(turned_over(m), count);
 }
 
 // The caller's, or the first finite position: then an exact translation of everything changes nothing.
@@ -323,6 +332,28 @@ const kernels::CellTables* cells_of(Context& context, Quality quality, const Fra
     return &cells.tables;
 }
 
+// The caller's meshes and their backs. Throws std::bad_alloc.
+void gather_meshes(const Context& context, const FrameDesc& desc, Frame& frame) {
+    const auto* const first = desc.meshes;
+    const auto backs =
+        std::count_if(first, first + desc.mesh_count, [](const FrameMesh& m) { return receives(m.back); });
+    frame.mesh_count = desc.mesh_count;
+    frame.meshes.resize(desc.mesh_count + static_cast<size_t>(backs));
+    uint32_t back = desc.mesh_count;
+    for (uint32_t i = 0; i < desc.mesh_count; ++i) {
+        const MeshData* const data = context.meshes[first[i].mesh.slot].data;
+        MeshSlice& slice = frame.meshes[i];
+        slice.mesh = data;
+        slice.in = first[i];
+        slice.is_back = false;
+        if (!receives(first[i].back)) continue;
+        MeshSlice& other = frame.meshes[back++];
+        other.mesh = data;
+        other.in = turned_over(first[i]);
+        other.is_back = true;
+    }
+}
+
 // All that may fail for want of memory; the guard is held.
 void set_up(Context& context, const FrameDesc& desc, Frame& frame) {
     if (frame.has_history) compare_group(frame, desc);
@@ -339,11 +370,7 @@ void set_up(Context& context, const FrameDesc& desc, Frame& frame) {
     frame.profiler = &context.profiler;
     frame.clock = &context.clock;
     frame.budget_ns = static_cast<uint64_t>(double(desc.budget_us) * 1000);
-    frame.meshes.resize(desc.mesh_count);
-    for (uint32_t i = 0; i < desc.mesh_count; ++i) {
-        frame.meshes[i].mesh = context.meshes[desc.meshes[i].mesh.slot].data;
-        frame.meshes[i].in = desc.meshes[i];
-    }
+    gather_meshes(context, desc, frame);
     copy_outputs(frame);
     frame.cells = cells_of(context, desc.quality, frame);
     lay_out(frame);
@@ -362,13 +389,13 @@ void set_up(Context& context, const FrameDesc& desc, Frame& frame) {
 
 } // namespace
 
-const MeshSlice& slice_of(const Frame& frame, uint32_t MeshSlice::*first, uint32_t item) {
-    size_t low = 0, high = frame.meshes.size();
+const MeshSlice& slice_of(std::span<const MeshSlice> slices, uint32_t MeshSlice::*first, uint32_t item) {
+    size_t low = 0, high = slices.size();
     while (high - low > 1) {
         const size_t middle = (low + high) / 2;
-        (frame.meshes[middle].*first <= item ? low : high) = middle;
+        (slices[middle].*first <= item ? low : high) = middle;
     }
-    return frame.meshes[low];
+    return slices[low];
 }
 
 uint64_t ticks_now() {

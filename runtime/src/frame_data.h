@@ -17,6 +17,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <span>
 
 namespace nusselt {
 
@@ -45,10 +46,27 @@ struct MeshSlice {
     uint32_t first_output = 0;                       // of in.output_count
     Gloss gloss;                                     // what in.gloss points to
     uint32_t first_vertex = 0;                       // in the history's arrays
+    bool is_back = false; // of an earlier slice's mesh: its points, no clusters, and normals turned over
 };
 
 inline bool receives(const FrameMesh& mesh) {
     return mesh.transfer.data || mesh.output_count > 0;
+}
+
+inline bool receives(const BackSide& back) {
+    return back.transfer.data || back.output_count > 0;
+}
+
+// What is asked for on the back of a mesh, as if it were asked for on the front of another one.
+inline FrameMesh turned_over(const FrameMesh& mesh) {
+    FrameMesh back = mesh;
+    back.transfer = mesh.back.transfer;
+    back.masks = mesh.back.masks;
+    back.needed = mesh.back.needed ? mesh.back.needed : mesh.needed;
+    back.outputs = mesh.back.outputs;
+    back.output_count = mesh.back.output_count;
+    back.back = {};
+    return back;
 }
 
 // Balls around a receiver, and how much of the light blockers hide that lie in each and in none before it.
@@ -137,10 +155,11 @@ struct Frame {
     const Environment* environment = nullptr;
     Shells shells;
     QualitySettings quality{};
-    uint32_t order = 5;   // bands of the transfer vectors
-    Clusters no_clusters; // of meshes that only receive
-    Vector<MeshSlice> meshes;
-    Vector<OutputStream> outputs; // of all meshes in turn
+    uint32_t order = 5;           // bands of the transfer vectors
+    Clusters no_clusters;         // of meshes that only receive
+    Vector<MeshSlice> meshes;     // the caller's, and after them the backs of those that have one
+    uint32_t mesh_count = 0;      // the caller's
+    Vector<OutputStream> outputs; // of all slices in turn
     uint32_t point_count = 0, point_chunks = 0, cluster_count = 0, triangle_bounds_count = 0;
     uint32_t region_size = region_receivers; // receivers of a region, whole batches
     uint32_t region_count = 0;
@@ -179,8 +198,13 @@ struct Frame {
     double start_ns = 0;
 };
 
-// The mesh to which an item of a stage belongs; `first` says where each mesh's items begin.
-const MeshSlice& slice_of(const Frame& frame, uint32_t MeshSlice::*first, uint32_t item);
+// The slices that have points and clusters.
+inline std::span<const MeshSlice> bodies(const Frame& frame) {
+    return {frame.meshes.data(), frame.mesh_count};
+}
+
+// The slice to which an item of a stage belongs; `first` says where each slice's items begin.
+const MeshSlice& slice_of(std::span<const MeshSlice> slices, uint32_t MeshSlice::*first, uint32_t item);
 
 inline const float* element(const Vec3View& view, size_t index) {
     return reinterpret_cast<const float*>(reinterpret_cast<const char*>(view.data) + index * view.stride);

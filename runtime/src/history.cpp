@@ -117,7 +117,8 @@ bool is_same_group(const Frame& frame, const FrameDesc& desc) {
         const FrameMesh& m = desc.meshes[i];
         const GroupMember& known = h.members[i];
         if (known.mesh.slot != m.mesh.slot || known.mesh.generation != m.mesh.generation ||
-            known.receives != receives(m) || known.masks != (m.masks.data != nullptr))
+            known.receives != receives(m) || known.masks != (m.masks.data != nullptr) ||
+            known.back_receives != receives(m.back) || known.back_masks != (m.back.masks.data != nullptr))
             return false;
     }
     return true;
@@ -165,7 +166,8 @@ void meet_history(Frame& frame, const FrameDesc& desc) {
     h.members.reserve(desc.mesh_count);
     for (uint32_t i = 0; i < desc.mesh_count; ++i) {
         const FrameMesh& m = desc.meshes[i];
-        h.members.push_back({m.mesh, receives(m), m.masks.data != nullptr});
+        h.members.push_back(
+            {m.mesh, receives(m), m.masks.data != nullptr, receives(m.back), m.back.masks.data != nullptr});
     }
     h.quality = desc.quality;
     h.order = desc.order;
@@ -181,7 +183,7 @@ void place_and_compare(void* context, uint32_t begin, uint32_t end, uint32_t slo
     History& h = frame.history;
     float* const before = frame.workers[slot].points_before.data();
     for (uint32_t chunk = begin; chunk < end; ++chunk) {
-        const MeshSlice& slice = slice_of(frame, &MeshSlice::first_point_chunk, chunk);
+        const MeshSlice& slice = slice_of(bodies(frame), &MeshSlice::first_point_chunk, chunk);
         const uint32_t first = slice.first_point + (chunk - slice.first_point_chunk) * point_chunk;
         const uint32_t last = std::min(
             first + point_chunk, slice.first_point + static_cast<uint32_t>(slice.mesh->weld_source.size()));
@@ -240,7 +242,7 @@ void gather_disturbed(void* context, uint32_t, uint32_t, uint32_t) {
     History& h = frame.history;
     h.disturbed_count = 0;
     if (!h.pose_whole) return; // everything is computed
-    for (const MeshSlice& slice : frame.meshes) {
+    for (const MeshSlice& slice : bodies(frame)) {
         if (!has_moved(frame, slice)) continue;
         for (uint32_t c = slice.first_cluster; c < slice.first_cluster + slice.clusters->count(); ++c) {
             if (!h.touched[c] && h.clearance_before[c] == frame.views[c].clearance) {

@@ -31,7 +31,7 @@ struct LevelError {
 // What a history belongs to: where a frame differs, it begins anew.
 struct GroupMember {
     MeshId mesh;
-    bool receives, masks;
+    bool receives, masks, back_receives, back_masks;
 };
 
 struct History {

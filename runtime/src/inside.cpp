@@ -30,7 +30,7 @@ uint32_t meeting(const Rays& rays, const float centre[3], float radius) {
 uint32_t count_winding(const Frame& frame, Worker& worker, int32_t winding[lanes]) {
     const Kernels& k = *frame.kernels;
     uint32_t unknown = 0;
-    for (const MeshSlice& slice : frame.meshes) {
+    for (const MeshSlice& slice : bodies(frame)) {
         const uint32_t closed = slice.in.receive_only ? 0 : slice.mesh->closed_clusters;
         const uint32_t first = slice.first_cluster, end = first + closed;
         const uint32_t count =

@@ -29,6 +29,14 @@ void lay_out(Frame& frame) {
     };
     uint32_t vertices = 0;
     for (MeshSlice& s : frame.meshes) {
+        s.first_region = frame.region_count;
+        s.first_vertex = vertices;
+        const uint32_t receivers = receives(s.in) ? static_cast<uint32_t>(s.mesh->receivers.size()) : 0;
+        const uint32_t duplicates = receives(s.in) ? static_cast<uint32_t>(s.mesh->duplicates.size()) : 0;
+        s.first_own_region = s.first_region + regions(receivers);
+        frame.region_count = s.first_own_region + regions(duplicates);
+        vertices += receives(s.in) ? s.mesh->vertex_count : 0;
+        if (s.is_back) continue;
         const uint32_t points = static_cast<uint32_t>(s.mesh->weld_source.size());
         s.clusters = s.in.receive_only     ? &frame.no_clusters
                      : frame.quality.paper ? &s.mesh->coarse_clusters
@@ -36,12 +44,6 @@ void lay_out(Frame& frame) {
         s.first_point = frame.point_count;
         s.first_point_chunk = frame.point_chunks;
         s.first_cluster = frame.cluster_count;
-        s.first_region = frame.region_count;
-        s.first_vertex = vertices;
-        const uint32_t receivers = receives(s.in) ? static_cast<uint32_t>(s.mesh->receivers.size()) : 0;
-        const uint32_t duplicates = receives(s.in) ? static_cast<uint32_t>(s.mesh->duplicates.size()) : 0;
-        s.first_own_region = s.first_region + regions(receivers);
-        vertices += receives(s.in) ? s.mesh->vertex_count : 0;
         frame.point_count += points;
         frame.point_chunks += (points + point_chunk - 1) / point_chunk;
         frame.cluster_count += s.clusters->count();
@@ -50,7 +52,15 @@ void lay_out(Frame& frame) {
             const uint32_t triangles = s.clusters->triangle_begin[c + 1] - s.clusters->triangle_begin[c];
             frame.triangle_bounds_count += 8 * kernels::triangle_slots(triangles);
         }
-        frame.region_count = s.first_own_region + regions(duplicates);
+    }
+    uint32_t back = frame.mesh_count;
+    for (const MeshSlice& front : bodies(frame)) {
+        if (!receives(front.in.back)) continue;
+        MeshSlice& s = frame.meshes[back++];
+        s.clusters = &frame.no_clusters;
+        s.first_point = front.first_point;
+        s.first_point_chunk = front.first_point_chunk;
+        s.first_cluster = frame.cluster_count;
     }
 }
 

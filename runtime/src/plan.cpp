@@ -65,7 +65,7 @@ void plan_without_history(Chain& c) {
     c.stage(scale_zone, timed_refit<choose_scale, scale_zone>, 1, 1);
     c.stage(points_zone, timed_refit<place_points, points_zone>, f.point_chunks, 1);
     c.stage(clusters_zone, timed_refit<refit_clusters, clusters_zone>, f.cluster_count, 16);
-    c.stage(bands_zone, timed_refit<choose_bands, bands_zone>, static_cast<uint32_t>(f.meshes.size()), 1);
+    c.stage(bands_zone, timed_refit<choose_bands, bands_zone>, f.mesh_count, 1);
     c.stage(receivers_zone, timed<shadow_regions, receivers_zone>, f.region_count, 1);
 }
 
@@ -78,8 +78,7 @@ void plan_with_history(Chain& c) {
         c.stage(scale_zone, timed_refit<choose_scale, scale_zone>, 1, 1);
         c.stage(points_zone, timed_refit<place_and_compare, points_zone>, f.point_chunks, 1);
         c.stage(clusters_zone, timed_refit<refit_moved_clusters, clusters_zone>, f.cluster_count, 16);
-        c.stage(bands_zone, timed_refit<choose_moved_bands, bands_zone>,
-                static_cast<uint32_t>(f.meshes.size()), 1);
+        c.stage(bands_zone, timed_refit<choose_moved_bands, bands_zone>, f.mesh_count, 1);
         c.stage(changes_zone, timed_refit<gather_disturbed, changes_zone>, 1, 1);
     }
     c.stage(changes_zone, timed<find_changes, changes_zone>, f.region_count, 4);

@@ -34,7 +34,7 @@ struct PointRange {
 };
 
 PointRange points_of_chunk(const Frame& frame, uint32_t chunk) {
-    const MeshSlice& slice = slice_of(frame, &MeshSlice::first_point_chunk, chunk);
+    const MeshSlice& slice = slice_of(bodies(frame), &MeshSlice::first_point_chunk, chunk);
     const uint32_t begin = (chunk - slice.first_point_chunk) * point_chunk;
     const uint32_t count = static_cast<uint32_t>(slice.mesh->weld_source.size());
     return {slice, begin, std::min(begin + point_chunk, count)};

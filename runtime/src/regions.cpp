@@ -12,7 +12,7 @@ namespace nusselt {
 using namespace kernels;
 
 Region region_of(const Frame& frame, uint32_t region) {
-    const MeshSlice& slice = slice_of(frame, &MeshSlice::first_region, region);
+    const MeshSlice& slice = slice_of(frame.meshes, &MeshSlice::first_region, region);
     const MeshData& mesh = *slice.mesh;
     const bool duplicates = region >= slice.first_own_region;
     const Vector<uint32_t>& list = duplicates ? mesh.duplicates : mesh.receivers;

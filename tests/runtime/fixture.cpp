@@ -85,21 +85,26 @@ Outputs run_frame(Context* context, const std::vector<Posed>& meshes, FrameDesc 
     const uint32_t words = quality_mask_bits(settings.quality) / 32;
     Outputs out;
     out.meshes.resize(meshes.size());
+    out.backs.resize(meshes.size());
     std::vector<FrameMesh> frame(meshes.size());
+    const auto prepare = [&](Output& o, size_t count, TransferView& transfer, MaskView& masks) {
+        o.transfer.resize(count);
+        for (auto& t : o.transfer)
+            t.fill(unwritten_value);
+        o.masks.assign(count * words, unwritten_mask);
+        transfer = {o.transfer[0].data(), count, 100};
+        masks = {o.masks.data(), count, size_t(words) * 4};
+    };
     for (size_t i = 0; i < meshes.size(); ++i) {
         const Posed& m = meshes[i];
-        Output& o = out.meshes[i];
         frame[i].mesh = m.mesh;
         frame[i].positions = view(m.positions);
         frame[i].normals = view(m.normals);
         frame[i].needed = m.needed.empty() ? nullptr : m.needed.data();
-        if (!m.receives) continue;
-        o.transfer.resize(m.positions.size());
-        for (auto& t : o.transfer)
-            t.fill(unwritten_value);
-        o.masks.assign(m.positions.size() * words, unwritten_mask);
-        frame[i].transfer = {o.transfer[0].data(), o.transfer.size(), 100};
-        frame[i].masks = {o.masks.data(), o.transfer.size(), size_t(words) * 4};
+        frame[i].back.needed = m.back_needed.empty() ? nullptr : m.back_needed.data();
+        if (m.receives) prepare(out.meshes[i], m.positions.size(), frame[i].transfer, frame[i].masks);
+        if (m.back_receives)
+            prepare(out.backs[i], m.positions.size(), frame[i].back.transfer, frame[i].back.masks);
     }
     settings.meshes = frame.data();
     settings.mesh_count = uint32_t(frame.size());

@@ -37,6 +37,8 @@ struct Posed {
     std::vector<glm::vec3> positions, normals;
     bool receives = true;
     std::vector<uint32_t> needed = {}; // FrameMesh::needed; empty: all
+    bool back_receives = false;
+    std::vector<uint32_t> back_needed = {}; // BackSide::needed; empty: as the front
 };
 struct Output {
     std::vector<std::array<float, 25>> transfer;
@@ -45,10 +47,10 @@ struct Output {
     bool operator==(const Output& other) const; // bit for bit
 };
 struct Outputs {
-    std::vector<Output> meshes;
+    std::vector<Output> meshes, backs;
     FrameStats stats;
 
-    bool operator==(const Outputs& other) const { return meshes == other.meshes; }
+    bool operator==(const Outputs& other) const { return meshes == other.meshes && backs == other.backs; }
 };
 // What isn't written keeps words that no result has. `settings` but for its meshes.
 Outputs run_frame(Context* context, const std::vector<Posed>& meshes, FrameDesc settings);

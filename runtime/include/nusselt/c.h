@@ -245,11 +245,18 @@ typedef struct nusselt_frame_mesh {
     nusselt_mask_view masks;
     const uint32_t* needed; /* bits of the vertices that need results; null: all */
     const nusselt_output* outputs;
-    size_t output_size; /* sizeof(nusselt_output), where there are any */
+    size_t output_size; /* sizeof(nusselt_output), where there are any, on either side */
     uint32_t output_count;
     uint32_t receive_only;      /* 1: it hides nothing */
     const nusselt_gloss* gloss; /* for outputs of glossy light and radiance; may be null */
     size_t gloss_size;          /* sizeof(nusselt_gloss), where there is one */
+    /* What lies behind the vertices, as nusselt::BackSide; all zero: one side. */
+    nusselt_transfer_view back_transfer;
+    nusselt_mask_view back_masks;
+    const uint32_t* back_needed;
+    const nusselt_output* back_outputs; /* elements of output_size */
+    uint32_t back_output_count;
+    uint32_t reserved; /* 0 */
 } nusselt_frame_mesh;
 
 typedef struct nusselt_frame_desc {

@@ -25,6 +25,21 @@ struct FrameId {
     uint32_t generation = 0;
 };
 
+// What lies behind a mesh's vertices: results for the hemispheres around the opposite of its normals, as a
+// mesh with those normals would get them, bit for bit. For sheets that are seen from both sides: cloth,
+// leaves, paper, glTF's doubleSided. The points, bounds and levels of detail that both sides see are made
+// once. Not for closed parts: behind their skin is their inside, which is dark and is found so, at a price.
+// Nothing in it: one side, at no cost.
+struct BackSide {
+    TransferView transfer; // as in FrameMesh; each side may have its own or none
+    MaskView masks;
+    // Bits as in FrameMesh::needed. Null: those of the front, and all where that has none either. Set the
+    // doubleSided ones where only a part of the mesh is a sheet, or those of which the camera sees the back.
+    const uint32_t* needed = nullptr;
+    const Output* outputs = nullptr; // copied by `submit`; a gloss's materials are those of the front
+    uint32_t output_count = 0;
+};
+
 // One mesh in a frame. All arrays have the mesh's V elements and are borrowed until `wait` returns: until
 // then positions and normals must not be written, and results not be read unless `poll` says done. A write in
 // flight makes results that belong to neither pose; builds with NUSSELT_CHECKED find it out (see `wait`). An
@@ -33,7 +48,7 @@ struct FrameMesh {
     MeshId mesh;
     Vec3View positions;    // of this frame, in the space common to all meshes of the frame
     Vec3View normals;      // unit length within 1 %; also the receivers' hemisphere axes
-    TransferView transfer; // data null and no outputs: the mesh blocks but does not receive
+    TransferView transfer; // data null and no outputs, nor any of the back: it blocks but does not receive
     MaskView masks;        // optional; only of a mesh that receives
     // Bit v % 32 of word v / 32 is set where vertex v needs its results; (V + 31) / 32 words. The others' are
     // left as they are in the arrays. Null: all need them. mark_visible (visible.h) makes it from a camera.
@@ -47,6 +62,7 @@ struct FrameMesh {
     // 1: the mesh hides nothing, not even of itself, and its levels of detail are not looked at: a ground
     // that only takes shadows, a particle, a probe.
     uint32_t receive_only = 0;
+    BackSide back = {};
 };
 
 // Occlusion that fades with distance, as artists use it: blockers nearer than `from` hide all of the light
@@ -91,10 +107,11 @@ struct FrameDesc {
     Falloff falloff = {}; // not with quality `paper`, a history, glossy or direct outputs
 };
 
-// Counts of work done and of work skipped, summed over the frame, and CPU time summed over threads.
+// Counts of work done and of work skipped, summed over the frame, and CPU time summed over threads. Each side
+// of a vertex is a receiver.
 struct FrameStats {
     uint32_t receivers = 0;          // vertices of meshes that receive, and need it
-    uint32_t receivers_unneeded = 0; // the others: their bit of FrameMesh::needed is not set
+    uint32_t receivers_unneeded = 0; // the others: their bit of `needed` is not set
     uint32_t receivers_computed = 0; // of `receivers`, through the kernels
     uint32_t receivers_copied = 0;   // of `receivers`, with the position and normal of another one
     uint32_t receivers_inside = 0; // of those computed, inside a closed part: all blocked, nothing rasterised
