@@ -25,16 +25,19 @@ std::string contents(const fs::path& path) {
     return {std::istreambuf_iterator<char>(file), {}};
 }
 
-// Two ticks of a triangle that moves along x, for a second.
-std::string moving_triangle() {
-    const float positions[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+// Two ticks of a triangle that moves along x, for a second. A leaf shows the camera its back.
+std::string moving_triangle(bool leaf = false) {
+    const float positions[9] = {
+        0, 0, 0, leaf ? 0.0f : 1.0f, leaf ? 1.0f : 0.0f, 0, leaf ? 1.0f : 0.0f, leaf ? 0.0f : 1.0f, 0};
     const float times[2] = {0, 1}, moves[6] = {0, 0, 0, 2, 0, 0};
     std::string bytes;
     bytes.append(reinterpret_cast<const char*>(positions), 36);
     bytes.append(reinterpret_cast<const char*>(times), 8);
     bytes.append(reinterpret_cast<const char*>(moves), 24);
     return R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
-"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
+"materials":[{"doubleSided":)" +
+           std::string(leaf ? "true" : "false") + R"(}],
+"meshes":[{"primitives":[{"attributes":{"POSITION":0},"material":0}]}],
 "buffers":[{"byteLength":68,"uri":"data:application/octet-stream;base64,)" +
            base64(bytes) + R"("}],
 "bufferViews":[{"buffer":0,"byteLength":36},{"buffer":0,"byteOffset":36,"byteLength":8},
@@ -59,6 +62,7 @@ protected:
         std::string name = (fs::temp_directory_path() / "nusselt-program-XXXXXX").string();
         folder = mkdtemp(name.data());
         std::ofstream(folder / "slide.gltf") << moving_triangle();
+        std::ofstream(folder / "leaf.gltf") << moving_triangle(true);
         // A box, outside counter-clockwise, and a lid over it.
         std::ofstream(folder / "box.obj")
             << "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n"
@@ -344,6 +348,42 @@ TEST_F(Program, RenderShowsLightAndWhatElseThereIs) {
     EXPECT_EQ(run(render + "damped --brdf ggx:0.3:1 --window hann:6").err, "");
     EXPECT_EQ(run(render + "traced --brdf ggx:0.6:1 --shadows traced --rays 64").code, 0);
     EXPECT_EQ(run(render + "open --brdf model --shadows off").code, 0);
+}
+
+TEST_F(Program, BacksOfSheets) {
+    expect_failure(2, "transfer box.obj --out out --two-sided both", {"both", "model"});
+    expect_failure(2, "render box.obj --out out --two-sided both", {"both", "model"});
+    // The lid over the box: its back sees the box.
+    ASSERT_EQ(run("transfer box.obj --out lid --two-sided all --output ambient_occlusion").code, 0);
+    const std::vector<float> front = floats("lid/ambient_occlusion_float32.npy"),
+                             back = floats("lid/ambient_occlusion_float32_back.npy");
+    ASSERT_EQ(front.size(), back.size());
+    for (size_t v = front.size() - 4; v < front.size(); ++v) {
+        EXPECT_NEAR(front[v], 1, 1e-4);
+        EXPECT_LT(back[v], 0.999);
+        EXPECT_GT(back[v], 0.8);
+    }
+    EXPECT_EQ(floats("lid/transfer_back.npy").size(), floats("lid/transfer.npy").size());
+    EXPECT_EQ(contents(folder / "lid" / "masks_back.npy").size(),
+              contents(folder / "lid" / "masks.npy").size());
+    // What no material makes a sheet has no back.
+    ASSERT_EQ(run("transfer box.obj --out none --two-sided model").code, 0);
+    for (const float value : floats("none/transfer_back.npy"))
+        EXPECT_EQ(value, 0);
+    ASSERT_EQ(run("transfer leaf.gltf --out leaf --two-sided model").code, 0);
+    for (size_t v = 0; v < 3; ++v)
+        EXPECT_NEAR(floats("leaf/transfer_back.npy")[25 * v], 0.28209479, 1e-4);
+    const auto picture = [&](const std::string& options) {
+        EXPECT_EQ(run("render leaf.gltf --size 40x30 --out picture " + options).code, 0) << options;
+        return contents(folder / "picture" / "frame_0000.png");
+    };
+    const std::string lit = picture("");
+    EXPECT_NE(lit, picture("--two-sided off"));
+    EXPECT_EQ(lit, picture("--two-sided all"));
+    EXPECT_EQ(lit, picture("--shadows off")); // nothing hides anything
+    EXPECT_NE(picture("--brdf ggx:0.6:1"), picture("--brdf ggx:0.6:1 --two-sided off"));
+    EXPECT_NE(picture("--brdf ggx:0.6:1 --shadows traced --rays 64"),
+              picture("--brdf ggx:0.6:1 --shadows traced --rays 64 --two-sided off"));
 }
 
 TEST_F(Program, Study) {

@@ -75,6 +75,24 @@ TEST(View, InterpolatesRadianceTheRightWayUp) {
     EXPECT_NE(finish_view(view, image, 1, &environment).rgb, picture.rgb);
 }
 
+TEST(View, BacksHaveTheirOwnRadiance) {
+    const Assembly all = square();
+    const TraceScene scene = make_trace_scene(all);
+    const std::vector<float> front(12, 0.75f);
+    BackRadiance backs{std::vector<float>(12, 0.25f), std::vector<uint8_t>(4, 1)};
+    for (const float side : {1.0f, -1.0f}) {
+        const View view = cast_view(scene, frame(all.positions, {0, 0, -side}, 30, 30), 30, 30);
+        const auto middle = [&](const BackRadiance& b) {
+            return color_view(view, all, front, b).rgb[(15 * 30 + 15) * 3];
+        };
+        EXPECT_FLOAT_EQ(middle({}), 0.75f);
+        EXPECT_FLOAT_EQ(middle(backs), side > 0 ? 0.75f : 0.25f);
+        backs.has_back[0] = 0; // a corner of both triangles
+        EXPECT_FLOAT_EQ(middle(backs), 0.75f);
+        backs.has_back[0] = 1;
+    }
+}
+
 TEST(View, EmptySceneIsBackground) {
     Assembly all;
     all.positions = {{0, 0, 0}};

@@ -31,6 +31,7 @@ struct TransferOptions {
     EngineOptions engine;
     uint32_t repeat = 1;
     std::vector<StreamArray> streams; // written beside the transfer vectors
+    TwoSided two_sided = TwoSided::off;
 };
 void run_transfer(const TransferOptions& options);
 
@@ -48,6 +49,7 @@ struct RenderOptions {
     Show show = Show::radiance;
     Reflectance reflectance;
     Falloff falloff;
+    TwoSided two_sided = TwoSided::model;
     bool direct = false;            // light straight from the masks and the environment
     std::optional<ShWindow> window; // of the light
     float window_width = 5;

@@ -23,6 +23,27 @@ Vec3View view(const std::vector<glm::vec3>& vectors) {
     return {vectors.empty() ? nullptr : &vectors[0].x, vectors.size(), sizeof(glm::vec3)};
 }
 
+// One side of a mesh: its part of arrays over all vertices, which begin at `first`. `outputs` has room.
+BackSide part_of(size_t first, size_t count, size_t words, std::vector<float>& transfer,
+                 std::vector<uint32_t>* masks, std::vector<StreamArray>& streams, Output* outputs) {
+    BackSide side;
+    side.transfer = {transfer.data() + first * 25, count, 100};
+    if (masks) side.masks = {masks->data() + first * words, count, words * 4};
+    side.outputs = outputs;
+    side.output_count = static_cast<uint32_t>(streams.size());
+    for (StreamArray& stream : streams) {
+        Output& output = *outputs++;
+        output = {};
+        output.kind = stream.kind;
+        output.format = stream.format;
+        output.bands = stream.bands;
+        std::copy(std::begin(stream.window), std::end(stream.window), output.window);
+        output.data = stream.bytes.data() + first * stream.element();
+        output.count = count;
+    }
+    return side;
+}
+
 } // namespace
 
 Quality parse_quality(const std::string& name) {
@@ -60,6 +81,23 @@ void check_isa_variable() {
     }
 }
 
+TwoSided parse_two_sided(const std::string& name) {
+    constexpr const char* names[] = {"off", "model", "all"};
+    const auto* const it = std::find(std::begin(names), std::end(names), name);
+    if (it == std::end(names))
+        throw Failure("--two-sided", "there is no '" + name + "'; choose off, model or all", exit_usage);
+    return static_cast<TwoSided>(it - std::begin(names));
+}
+
+bool has_backs(const scenes::Scene& scene, TwoSided which) {
+    const auto is_sheet = [](const scenes::Mesh& mesh) {
+        return std::any_of(mesh.two_sided.begin(), mesh.two_sided.end(),
+                           [](uint8_t two) { return two != 0; });
+    };
+    return which == TwoSided::all ||
+           (which == TwoSided::model && std::any_of(scene.meshes.begin(), scene.meshes.end(), is_sheet));
+}
+
 Engine::Engine(const scenes::Scene& scene, const EngineOptions& options, std::string subject)
     : subject_(std::move(subject)), executor_(serial_executor()) {
     try {
@@ -88,6 +126,9 @@ Engine::Engine(const scenes::Scene& scene, const EngineOptions& options, std::st
             MeshId id;
             check(add_mesh(context_, mesh_desc, &id));
             meshes_.push_back(id);
+            std::vector<uint32_t>& bits = two_sided_.emplace_back((mesh.rest_positions.size() + 31) / 32);
+            for (size_t v = 0; v < mesh.two_sided.size(); ++v)
+                bits[v / 32] |= uint32_t{mesh.two_sided[v] != 0} << v % 32;
         }
         frame_.resize(meshes_.size());
     } catch (...) {
@@ -139,39 +180,53 @@ void Engine::surround(const Image& environment, Quality quality) {
     check(create_environment(context_, desc, &environment_));
 }
 
+void Engine::see_backs(TwoSided which, BackArrays* backs) {
+    backs_ = which == TwoSided::off ? nullptr : backs;
+    turned_ = two_sided_;
+    if (which != TwoSided::all) return;
+    for (std::vector<uint32_t>& bits : turned_)
+        bits.assign(bits.size(), ~uint32_t{0});
+}
+
 FrameStats Engine::frame(const scenes::Pose& pose, Quality quality, std::vector<float>& transfer,
                          std::vector<uint32_t>* masks, std::vector<StreamArray>* streams) {
     size_t vertices = 0;
     for (const std::vector<glm::vec3>& positions : pose.positions)
         vertices += positions.size();
     const size_t words = quality_mask_bits(quality) / 32;
-    transfer.resize(vertices * 25);
-    if (masks) masks->resize(vertices * words);
-    const size_t stream_count = streams ? streams->size() : 0;
-    for (size_t k = 0; k < stream_count; ++k)
-        (*streams)[k].bytes.resize(vertices * (*streams)[k].element());
-    outputs_.resize(meshes_.size() * stream_count);
+    const auto grow = [&](std::vector<float>& t, std::vector<uint32_t>* m, std::vector<StreamArray>& s) {
+        t.resize(vertices * 25);
+        if (m) m->resize(vertices * words);
+        for (StreamArray& stream : s)
+            stream.bytes.resize(vertices * stream.element());
+    };
+    std::vector<StreamArray> none;
+    std::vector<StreamArray>& front_streams = streams ? *streams : none;
+    grow(transfer, masks, front_streams);
+    BackArrays no_backs;
+    BackArrays& backs = backs_ ? *backs_ : no_backs;
+    std::vector<uint32_t>* const back_masks = masks ? &backs.masks : nullptr;
+    if (backs_) grow(backs.transfer, back_masks, backs.streams);
+    outputs_.resize(meshes_.size() * (front_streams.size() + backs.streams.size()));
+    Output* outputs = outputs_.data();
     size_t first = 0;
     for (size_t m = 0; m < meshes_.size(); ++m) {
         const size_t count = pose.positions[m].size();
         frame_[m].mesh = meshes_[m];
         frame_[m].positions = view(pose.positions[m]);
         frame_[m].normals = view(pose.normals[m]);
-        frame_[m].transfer = {transfer.data() + first * 25, count, 100};
-        frame_[m].masks = masks ? MaskView{masks->data() + first * words, count, words * 4} : MaskView{};
-        for (size_t k = 0; k < stream_count; ++k) {
-            StreamArray& stream = (*streams)[k];
-            Output& output = outputs_[m * stream_count + k];
-            output = {};
-            output.kind = stream.kind;
-            output.format = stream.format;
-            output.bands = stream.bands;
-            std::copy(std::begin(stream.window), std::end(stream.window), output.window);
-            output.data = stream.bytes.data() + first * stream.element();
-            output.count = count;
+        const BackSide front = part_of(first, count, words, transfer, masks, front_streams, outputs);
+        outputs += front_streams.size();
+        frame_[m].transfer = front.transfer;
+        frame_[m].masks = front.masks;
+        frame_[m].outputs = front.outputs;
+        frame_[m].output_count = front.output_count;
+        frame_[m].back = {};
+        if (backs_) {
+            frame_[m].back = part_of(first, count, words, backs.transfer, back_masks, backs.streams, outputs);
+            frame_[m].back.needed = turned_[m].data();
+            outputs += backs.streams.size();
         }
-        frame_[m].outputs = stream_count > 0 ? &outputs_[m * stream_count] : nullptr;
-        frame_[m].output_count = static_cast<uint32_t>(stream_count);
         frame_[m].gloss = gloss_.empty() ? nullptr : &gloss_[m];
         first += count;
     }

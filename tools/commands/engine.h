@@ -28,6 +28,20 @@ void check_isa_variable();
 
 struct Image;
 
+// Of which vertices the back gets results too: none, those that the scene says are seen from both sides, all.
+enum class TwoSided { off, model, all };
+TwoSided parse_two_sided(const std::string& name); // throws Failure (usage) with what there is
+
+// Whether any vertex has a back in that sense.
+bool has_backs(const scenes::Scene& scene, TwoSided which);
+
+// What lies behind the vertices, as Engine::frame gives it of their fronts. Zeros where there is no back.
+struct BackArrays {
+    std::vector<float> transfer;
+    std::vector<uint32_t> masks;
+    std::vector<StreamArray> streams; // described by the caller
+};
+
 class Engine {
 public:
     // Adds every mesh in its rest pose. `subject` is the file or scene for messages.
@@ -40,6 +54,9 @@ public:
     // for.
     FrameStats frame(const scenes::Pose& pose, Quality quality, std::vector<float>& transfer,
                      std::vector<uint32_t>* masks = nullptr, std::vector<StreamArray>* streams = nullptr);
+
+    // The frames that follow fill these too, masks where they do. They stay with the caller.
+    void see_backs(TwoSided which, BackArrays* backs);
 
     // Materials, viewer and light of the frames that follow, for streams that depend on them. `palette` is of
     // the engine's scene and stays with the caller.
@@ -71,8 +88,10 @@ private:
     Context* context_ = nullptr;
     std::vector<MeshId> meshes_;
     std::vector<FrameMesh> frame_;
-    std::vector<Output> outputs_; // of each mesh in turn
-    std::vector<Gloss> gloss_;    // of each mesh, or none
+    std::vector<Output> outputs_; // of each mesh in turn, the front's and then the back's
+    std::vector<std::vector<uint32_t>> two_sided_, turned_; // bits of each mesh's vertices: known, asked for
+    BackArrays* backs_ = nullptr;
+    std::vector<Gloss> gloss_; // of each mesh, or none
     std::vector<float> light_;
     Environment* environment_ = nullptr;
     Falloff falloff_;

@@ -183,7 +183,7 @@ void finish_compare(CompareOptions& compare, const CompareWords& words) {
 // What the options say as text, before it is understood.
 struct Words {
     std::string quality = "standard", isa = "best", shadows = "on", size = "960x720", brdf = "lambert";
-    std::string show = "radiance", window, light = "sh", falloff;
+    std::string show = "radiance", window, light = "sh", falloff, two_sided = "off";
     std::vector<std::string> outputs;
     uint32_t threads = 0;
 };
@@ -280,9 +280,17 @@ void parse_and_run(int argc, const char* const* argv) {
                      "May be given several times")
         ->type_name("STREAM")
         ->allow_extra_args(false);
+    transfer_command
+        ->add_option(
+            "--two-sided", transfer_words.two_sided,
+            "arrays NAME_back.npy too, for the hemispheres behind the vertices: off, model (where the "
+            "file's materials are doubleSided, zeros elsewhere), all")
+        ->type_name("WHICH")
+        ->capture_default_str();
 
     RenderOptions render;
     Words render_words;
+    render_words.two_sided = "model";
     CLI::App* render_command =
         app.add_subcommand("render", "pictures of a model with soft self-shadows (PNG)");
     render_command->add_option("model", render.model, "glTF, GLB, OBJ or PLY file")
@@ -334,6 +342,12 @@ void parse_and_run(int argc, const char* const* argv) {
         ->add_option("--falloff", render_words.falloff,
                      "occlusion fades from one distance to another, in the model's unit; not physical")
         ->type_name("FROM:TO");
+    render_command
+        ->add_option("--two-sided", render_words.two_sided,
+                     "light the backs of what is seen from behind: off (they look like the fronts), model "
+                     "(where the file's materials are doubleSided), all")
+        ->type_name("WHICH")
+        ->capture_default_str();
     render_command
         ->add_option(
             "--window", render_words.window,
@@ -409,6 +423,7 @@ void parse_and_run(int argc, const char* const* argv) {
         at_least_one("--repeat", transfer.repeat, most_frames);
         for (const std::string& text : transfer_words.outputs)
             transfer.streams.push_back(parse_stream(text, "--output"));
+        transfer.two_sided = parse_two_sided(transfer_words.two_sided);
         run_transfer(transfer);
     } else if (study_command->parsed()) {
         study.engine = parse_engine(*study_command, study_words);
@@ -427,6 +442,7 @@ void parse_and_run(int argc, const char* const* argv) {
                           exit_usage);
         }
         parse_size(render_words.size, render.width, render.height);
+        render.two_sided = parse_two_sided(render_words.two_sided);
         at_least_one("--rays", render.rays, 1u << 20);
         if (render.frames) at_least_one("--frames", *render.frames, most_frames);
         if (!(render.fps > 0 && render.fps <= 1e6)) {

@@ -53,6 +53,13 @@ std::vector<float> as_colours(const StreamArray& stream) {
     return colours;
 }
 
+// Seen from behind.
+Assembly turned_over(Assembly all) {
+    for (glm::vec3& normal : all.normals)
+        normal = -normal;
+    return all;
+}
+
 } // namespace
 
 void run_render(const RenderOptions& options) {
@@ -118,6 +125,11 @@ void run_render(const RenderOptions& options) {
             options.show == Show::bent_normal ? OutputKind::bent_normal : OutputKind::ambient_occlusion;
     }
 
+    const bool two_sided = has_backs(choice.scene, options.two_sided);
+    BackArrays backs;
+    backs.streams = shown;
+    if (two_sided) engine.see_backs(options.two_sided, &backs);
+
     Progress progress("render");
     float exposure = 0;
     for (size_t k = 0; k < times.size(); ++k) {
@@ -127,30 +139,36 @@ void run_render(const RenderOptions& options) {
         const TraceScene traced = make_trace_scene(all);
         const View view = cast_view(traced, camera, options.width, options.height);
         std::vector<float> open = open_transfers(all.normals);
+        const auto tell = [&](double part) {
+            progress.show((static_cast<double>(k) + part) / static_cast<double>(times.size()));
+        };
+        // Without the library, of one side.
+        const auto transfers = [&](const Assembly& side) {
+            if (!glossy && options.shadows == Shadows::off) return open_transfers(side.normals);
+            std::vector<float> made;
+            if (glossy) {
+                GlossyOptions trace;
+                trace.rays = options.rays;
+                trace.shadows = options.shadows == Shadows::traced;
+                trace.cancel = &interrupted();
+                trace.progress = tell;
+                made = trace_glossy(traced, side, palette.materials, joined(palette), camera.eye, {}, trace);
+            } else {
+                TraceOptions trace;
+                trace.rays = options.rays;
+                trace.cancel = &interrupted();
+                trace.progress = tell;
+                made = trace_transfer(traced, side, trace).transfer;
+            }
+            throw_if_interrupted();
+            return made;
+        };
         std::vector<float> transfer;
         if (options.shadows == Shadows::on) {
             engine.frame(pose, options.quality, transfer, nullptr, &shown);
-        } else if (glossy) {
-            GlossyOptions trace;
-            trace.rays = options.rays;
-            trace.shadows = options.shadows == Shadows::traced;
-            trace.cancel = &interrupted();
-            trace.progress = [&](double part) {
-                progress.show((static_cast<double>(k) + part) / static_cast<double>(times.size()));
-            };
-            transfer = trace_glossy(traced, all, palette.materials, joined(palette), camera.eye, {}, trace);
-            throw_if_interrupted();
-        } else if (options.shadows == Shadows::traced) {
-            TraceOptions trace;
-            trace.rays = options.rays;
-            trace.cancel = &interrupted();
-            trace.progress = [&](double part) {
-                progress.show((static_cast<double>(k) + part) / static_cast<double>(times.size()));
-            };
-            transfer = trace_transfer(traced, all, trace).transfer;
-            throw_if_interrupted();
         } else {
-            transfer = open;
+            transfer = transfers(all);
+            if (two_sided) backs.transfer = transfers(turned_over(all));
         }
         // From the first frame, white and unshadowed: so pictures compare with and without shadows, a clip
         // doesn't flicker, and what is dark stays dark.
@@ -161,15 +179,22 @@ void run_render(const RenderOptions& options) {
         }
         char name[32];
         std::snprintf(name, sizeof name, "frame_%04zu.png", k);
-        Picture picture;
-        if (options.show == Show::radiance) {
-            const std::vector<float> radiance = !glossy ? engine.shade(light.data(), transfer, all.albedo)
-                                                : shown.empty() ? shade_glossy(light, transfer)
-                                                                : floats_of(shown[0]);
-            picture = finish_view(view, color_view(view, all, radiance), exposure, &environment);
-        } else {
-            picture = show_view(view, color_view(view, all, as_colours(shown[0])));
+        const auto colours_of = [&](std::vector<float>& side, const std::vector<StreamArray>& streams) {
+            if (options.show != Show::radiance) return as_colours(streams[0]);
+            return !glossy           ? engine.shade(light.data(), side, all.albedo)
+                   : streams.empty() ? shade_glossy(light, side)
+                                     : floats_of(streams[0]);
+        };
+        BackRadiance behind;
+        if (two_sided) {
+            behind.radiance = colours_of(backs.transfer, backs.streams);
+            behind.has_back = all.two_sided;
+            if (options.two_sided == TwoSided::all) behind.has_back.assign(all.positions.size(), 1);
         }
+        const Image colored = color_view(view, all, colours_of(transfer, shown), behind);
+        const Picture picture = options.show == Show::radiance
+                                    ? finish_view(view, colored, exposure, &environment)
+                                    : show_view(view, colored);
         out.add(name, encode_png(picture));
         progress.show((static_cast<double>(k) + 1) / static_cast<double>(times.size()));
     }

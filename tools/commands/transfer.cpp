@@ -42,6 +42,9 @@ void run_transfer(const TransferOptions& options) {
     std::vector<float> transfer;
     std::vector<uint32_t> masks;
     std::vector<StreamArray> streams = options.streams;
+    BackArrays backs;
+    backs.streams = streams;
+    engine.see_backs(options.two_sided, &backs);
     std::vector<FrameStats> frames;
     {
         Progress progress("transfer");
@@ -62,6 +65,12 @@ void run_transfer(const TransferOptions& options) {
     out.add("transfer.npy", npy(transfer.data(), {vertices, 25}));
     const size_t words = quality_mask_bits(options.quality) / 32;
     out.add("masks.npy", npy(masks.data(), {vertices, words}));
+    if (options.two_sided != TwoSided::off) {
+        out.add("transfer_back.npy", npy(backs.transfer.data(), {vertices, 25}));
+        out.add("masks_back.npy", npy(backs.masks.data(), {vertices, words}));
+        for (const StreamArray& stream : backs.streams)
+            out.add(stream_name(stream) + "_back.npy", stream_npy(stream));
+    }
 
     Json written = Json::array();
     for (const StreamArray& stream : streams) {

@@ -86,6 +86,7 @@ View cast_view(const TraceScene& scene, const Camera& camera, uint32_t width, ui
     const size_t pixels = size_t{width} * height;
     view.triangle.assign(pixels * samples_per_pixel, no_triangle);
     view.uv.assign(pixels * samples_per_pixel * 2, 0.0f);
+    view.behind.assign(pixels * samples_per_pixel, 0);
     view.covered.assign(pixels, 0);
     parallel_blocks(height, 4, [&](size_t begin, size_t end) {
         const unsigned saved = _mm_getcsr();
@@ -122,6 +123,7 @@ View cast_view(const TraceScene& scene, const Camera& camera, uint32_t width, ui
                 view.triangle[k] = hit.hit.primID;
                 view.uv[2 * k] = hit.hit.u;
                 view.uv[2 * k + 1] = hit.hit.v;
+                view.behind[k] = glm::dot(direction, glm::vec3(hit.hit.Ng_x, hit.hit.Ng_y, hit.hit.Ng_z)) > 0;
                 ++view.covered[pixel];
             }
         }
@@ -130,7 +132,12 @@ View cast_view(const TraceScene& scene, const Camera& camera, uint32_t width, ui
     return view;
 }
 
-Image color_view(const View& view, const Assembly& all, const std::vector<float>& radiance) {
+Image color_view(const View& view, const Assembly& all, const std::vector<float>& radiance,
+                 const BackRadiance& backs) {
+    const auto has_back = [&](const uint32_t* corner) {
+        return !backs.radiance.empty() && backs.has_back[corner[0]] && backs.has_back[corner[1]] &&
+               backs.has_back[corner[2]];
+    };
     Image image{view.width, view.height, {}};
     image.rgb.assign(view.covered.size() * 3, 0.0f);
     for (size_t pixel = 0; pixel < view.covered.size(); ++pixel) {
@@ -141,9 +148,10 @@ Image color_view(const View& view, const Assembly& all, const std::vector<float>
             const uint32_t* corner = &all.indices[size_t{3} * view.triangle[k]];
             const float u = view.uv[2 * k], v = view.uv[2 * k + 1];
             const float weight[3] = {1 - u - v, u, v};
+            const std::vector<float>& seen = view.behind[k] && has_back(corner) ? backs.radiance : radiance;
             for (int c = 0; c < 3; ++c)
                 for (size_t channel = 0; channel < 3; ++channel)
-                    sum[channel] += weight[c] * radiance[size_t{3} * corner[c] + channel];
+                    sum[channel] += weight[c] * seen[size_t{3} * corner[c] + channel];
         }
         for (size_t channel = 0; channel < 3; ++channel)
             image.rgb[pixel * 3 + channel] = sum[channel] / static_cast<float>(view.covered[pixel]);

@@ -40,14 +40,21 @@ struct View {
     Camera camera;
     std::vector<uint32_t> triangle; // no_triangle: background
     std::vector<float> uv; // 2 barycentric coordinates a sample, of the triangle's second and third corner
+    std::vector<uint8_t> behind;  // one a sample: 1 where the triangle's back is seen
     std::vector<uint8_t> covered; // samples of each pixel that hit, 0 to 9
 };
 constexpr uint32_t no_triangle = 0xFFFFFFFFu;
 
 View cast_view(const TraceScene& scene, const Camera& camera, uint32_t width, uint32_t height);
 
-// The mean over each pixel's hits of the vertices' radiance (3 floats each); 0 where nothing was hit.
-Image color_view(const View& view, const Assembly& all, const std::vector<float>& radiance);
+// The mean over each pixel's hits of the vertices' radiance (3 floats each); 0 where nothing was hit. Of
+// triangles seen from behind that of `backs`, where there is one; otherwise they look as from the front.
+struct BackRadiance {
+    std::vector<float> radiance;   // 3 floats a vertex; empty: no backs
+    std::vector<uint8_t> has_back; // one a vertex; a triangle has a back where all corners have
+};
+Image color_view(const View& view, const Assembly& all, const std::vector<float>& radiance,
+                 const BackRadiance& backs = {});
 
 // Tone-mapped, over the environment, or over a neutral gradient where `environment` is null.
 Picture finish_view(const View& view, const Image& colored, float exposure, const Image* environment);
