@@ -2,6 +2,7 @@
 // the test until it is provoked too. A checked build, for `changed`.
 #include "nusselt/c.h"
 #include "nusselt/nusselt.h"
+#include "tests/heap.h"
 
 #include <gtest/gtest.h>
 
@@ -15,9 +16,6 @@
 #include <sstream>
 #include <thread>
 #include <vector>
-
-// heap.cpp: the heap of TBB and of the shared tables, which have no allocator of the caller's.
-extern std::atomic<bool> heap_is_empty;
 
 namespace nusselt::test {
 
@@ -155,7 +153,7 @@ void Statuses::of_executors() {
     }
     provoke(create_tbb_executor(2, nullptr), StatusCode::invalid_argument);
     provoke(create_tbb_executor(1 << 20, &executor), StatusCode::invalid_argument);
-    heap_is_empty = true;
+    heap_is_empty = true; // TBB's: it has no allocator of the caller's, nor have the shared tables below
     const Status status = create_tbb_executor(2, &executor);
     heap_is_empty = false;
     provoke(status, StatusCode::out_of_memory);

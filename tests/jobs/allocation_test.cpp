@@ -1,56 +1,14 @@
 // A frame in steady state allocates nothing. Every way to the heap of glibc is counted, TBB's included: it
 // comes here where its own allocator library is absent.
+#include "tests/heap.h"
 #include "tests/jobs/graph_fixture.h"
 
 #include "nusselt/executor.h"
 
 #include <algorithm>
 #include <atomic>
-#include <cerrno>
 #include <cstdlib>
 #include <thread>
-
-namespace {
-std::atomic<bool> counting = false;
-std::atomic<uint64_t> allocations = 0;
-
-void count() {
-    if (counting.load(std::memory_order_relaxed)) allocations.fetch_add(1, std::memory_order_relaxed);
-}
-} // namespace
-
-extern "C" {
-void* __libc_malloc(size_t size);
-void* __libc_calloc(size_t count, size_t size);
-void* __libc_realloc(void* memory, size_t size);
-void* __libc_memalign(size_t alignment, size_t size);
-
-void* malloc(size_t size) {
-    count();
-    return __libc_malloc(size);
-}
-void* calloc(size_t number, size_t size) {
-    count();
-    return __libc_calloc(number, size);
-}
-void* realloc(void* memory, size_t size) {
-    count();
-    return __libc_realloc(memory, size);
-}
-void* memalign(size_t alignment, size_t size) {
-    count();
-    return __libc_memalign(alignment, size);
-}
-void* aligned_alloc(size_t alignment, size_t size) {
-    count();
-    return __libc_memalign(alignment, size);
-}
-int posix_memalign(void** memory, size_t alignment, size_t size) {
-    count();
-    *memory = __libc_memalign(alignment, size);
-    return *memory ? 0 : ENOMEM;
-}
-}
 
 namespace nusselt::test {
 
@@ -87,23 +45,23 @@ struct Frame {
 };
 
 uint64_t allocations_in(Frame& frame, const Executor& executor, int runs) {
-    allocations = 0;
-    counting = true;
+    heap_allocations = 0;
+    heap_is_counted = true;
     for (int i = 0; i < runs; ++i) {
         (void)jobs::start(*frame.graph, executor);
         jobs::wait(*frame.graph);
         frame.most_threads = std::max(frame.most_threads, jobs::threads(*frame.graph));
     }
-    counting = false;
-    return allocations;
+    heap_is_counted = false;
+    return heap_allocations;
 }
 
 TEST(Allocation, SeesOneThatIsPlanted) {
     Frame frame(1);
     frame.plant = true;
     EXPECT_GE(allocations_in(frame, serial_executor(), 1), 1u);
-    counting = true;
-    const uint64_t before = allocations;
+    heap_is_counted = true;
+    const uint64_t before = heap_allocations;
     void* volatile kept; // a pair of malloc and free that nobody looks at may be left out
     kept = std::malloc(10);
     std::free(kept);
@@ -111,8 +69,8 @@ TEST(Allocation, SeesOneThatIsPlanted) {
     std::free(kept);
     kept = std::aligned_alloc(64, 64);
     std::free(kept);
-    counting = false;
-    EXPECT_EQ(allocations - before, 3u);
+    heap_is_counted = false;
+    EXPECT_EQ(heap_allocations - before, 3u);
 }
 
 TEST(Allocation, NoneWithTheSerialExecutor) {
@@ -135,7 +93,7 @@ TEST(Allocation, NoneWithTbbInSteadyState) {
             frame.most_threads = 0;
             quiet = allocations_in(frame, executor, 1000) == 0 && frame.most_threads >= wanted;
         }
-        EXPECT_TRUE(quiet) << threads << " threads; last: " << allocations << " allocations, "
+        EXPECT_TRUE(quiet) << threads << " threads; last: " << heap_allocations << " allocations, "
                            << frame.most_threads << " threads";
         destroy_executor(&executor);
     }

@@ -1,54 +1,10 @@
 // A thousand frames in steady state allocate nothing, by whatever way to the heap: operator new comes to
 // malloc.
+#include "tests/heap.h"
 #include "tests/runtime/fixture.h"
 
 #include <algorithm>
-#include <atomic>
-#include <cerrno>
-#include <cstdlib>
 #include <thread>
-
-namespace {
-std::atomic<bool> counting = false;
-std::atomic<uint64_t> allocations = 0;
-
-void count() {
-    if (counting.load(std::memory_order_relaxed)) allocations.fetch_add(1, std::memory_order_relaxed);
-}
-} // namespace
-
-extern "C" {
-void* __libc_malloc(size_t size);
-void* __libc_calloc(size_t count, size_t size);
-void* __libc_realloc(void* memory, size_t size);
-void* __libc_memalign(size_t alignment, size_t size);
-
-void* malloc(size_t size) {
-    count();
-    return __libc_malloc(size);
-}
-void* calloc(size_t number, size_t size) {
-    count();
-    return __libc_calloc(number, size);
-}
-void* realloc(void* memory, size_t size) {
-    count();
-    return __libc_realloc(memory, size);
-}
-void* memalign(size_t alignment, size_t size) {
-    count();
-    return __libc_memalign(alignment, size);
-}
-void* aligned_alloc(size_t alignment, size_t size) {
-    count();
-    return __libc_memalign(alignment, size);
-}
-int posix_memalign(void** memory, size_t alignment, size_t size) {
-    count();
-    *memory = __libc_memalign(alignment, size);
-    return *memory ? 0 : ENOMEM;
-}
-}
 
 namespace nusselt::test {
 
@@ -84,9 +40,9 @@ struct Ready {
 
     // Until one allocates.
     uint64_t allocations_in(int frames, bool plant = false) {
-        allocations = 0;
-        counting = true;
-        for (int i = 0; i < frames && allocations == 0; ++i) {
+        heap_allocations = 0;
+        heap_is_counted = true;
+        for (int i = 0; i < frames && heap_allocations == 0; ++i) {
             FrameId id;
             FrameStats stats;
             const std::vector<FrameMesh>& meshes = moments[i % 2].meshes;
@@ -96,10 +52,10 @@ struct Ready {
             most_threads = std::max(most_threads, stats.threads);
             if (plant) planted = new int(1);
         }
-        counting = false;
+        heap_is_counted = false;
         delete planted;
         planted = nullptr;
-        return allocations;
+        return heap_allocations;
     }
 
     struct Moment {
@@ -147,7 +103,7 @@ TEST(Allocation, NoneWithTbb) {
             ready.most_threads = 0;
             quiet = ready.allocations_in(1000) == 0 && ready.most_threads >= wanted;
         }
-        EXPECT_TRUE(quiet) << allocations << " allocations, " << ready.most_threads << " threads";
+        EXPECT_TRUE(quiet) << heap_allocations << " allocations, " << ready.most_threads << " threads";
     }
     destroy_executor(&executor);
 }
