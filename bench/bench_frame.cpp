@@ -1,5 +1,6 @@
 // Whole frames: scene x quality x threads, rotating over moments of the animation. Time is the call's; CPU
 // microseconds a receiver are the library's own account.
+#include "bench/program.h"
 #include "bench/scenes/scene.h"
 #include "tools/commands/engine.h"
 #include "tools/report/failure.h"
@@ -61,6 +62,8 @@ void run_frame(benchmark::State& state, const std::string& name, Quality quality
     }
 }
 
+} // namespace
+
 void register_all() {
     const uint32_t most = std::max(1u, std::thread::hardware_concurrency());
     for (const std::string& name : scenes::builtin_names()) {
@@ -77,15 +80,4 @@ void register_all() {
     }
 }
 
-} // namespace
 } // namespace nusselt::bench
-
-int main(int argc, char** argv) {
-    benchmark::AddCustomContext("configuration", nusselt::configuration());
-    nusselt::bench::register_all();
-    benchmark::Initialize(&argc, argv);
-    if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
-    benchmark::RunSpecifiedBenchmarks();
-    benchmark::Shutdown();
-    return 0;
-}

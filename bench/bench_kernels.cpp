@@ -2,6 +2,7 @@
 // before it is timed. Names: kernel/variant/instruction set.
 #include "bench/instructions.h"
 #include "bench/machine.h"
+#include "bench/program.h"
 #include "bench/recording.h"
 #include "kernels/light.h"
 #include "kernels/outputs.h"
@@ -458,7 +459,10 @@ void sky(State& state, const Kernels& k, Recording& r) {
            {.inputs = r.batches.size(), .run = [&](size_t b) { run(kernels, b, ours); }, .items = of_batch});
 }
 
+} // namespace
+
 void register_all() {
+    benchmark::AddCustomContext("instructions", counting_method());
     for (const size_t kilobytes : {32, 512, 2048, 8192}) {
         for (const bool random : {false, true}) {
             benchmark::RegisterBenchmark(
@@ -529,16 +533,4 @@ void register_all() {
     }
 }
 
-} // namespace
 } // namespace nusselt::bench
-
-int main(int argc, char** argv) {
-    benchmark::AddCustomContext("configuration", nusselt::configuration());
-    benchmark::AddCustomContext("instructions", nusselt::bench::counting_method());
-    nusselt::bench::register_all();
-    benchmark::Initialize(&argc, argv);
-    if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
-    benchmark::RunSpecifiedBenchmarks();
-    benchmark::Shutdown();
-    return 0;
-}

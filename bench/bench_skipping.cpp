@@ -1,5 +1,6 @@
 // What a frame costs that needn't be computed, beside one that is: standard quality, one thread, built-in
 // scenes. Compare within one run, by minimum or median.
+#include "bench/program.h"
 #include "bench/scenes/builtin.h"
 #include "bench/scenes/scene.h"
 #include "nusselt/nusselt.h"
@@ -159,6 +160,8 @@ void shade_bands(benchmark::State& state, uint32_t bands) {
     state.SetItemsProcessed(static_cast<int64_t>(state.iterations() * count));
 }
 
+} // namespace
+
 void register_all() {
     for (const std::string& name : scenes::builtin_names()) {
         for (uint32_t kind = 0; kind < std::size(kind_names); ++kind) {
@@ -174,15 +177,4 @@ void register_all() {
             ->Unit(benchmark::kMillisecond);
 }
 
-} // namespace
 } // namespace nusselt::bench
-
-int main(int argc, char** argv) {
-    benchmark::AddCustomContext("configuration", nusselt::configuration());
-    nusselt::bench::register_all();
-    benchmark::Initialize(&argc, argv);
-    if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
-    benchmark::RunSpecifiedBenchmarks();
-    benchmark::Shutdown();
-    return 0;
-}
