@@ -1,10 +1,12 @@
 #!/usr/bin/env bash
 # Golden hashes with every compiler and optimisation, and mutations that must change them.
-# Usage: matrix.sh [quick | all | compilers [NAME...] | everything [SCENE] | mutations | arm]   (default: all)
+# Usage: matrix.sh [quick | all | compilers [NAME[:LEVEL]...] | everything [SCENE] | mutations | arm]
+# (default: all)
 #   quick       the default compiler at -O2, one scene
 #   all         compilers, everything, mutations and arm
-#   compilers   g++-12, clang++-14 and clang++-19, or those named, x {-O0, -O2, -O3 with link-time optimisation}:
-#               every entry of tests/golden/hashes.txt, some hundreds of checks each (at -O0: the first scene's)
+#   compilers   g++-12, clang++-14 and clang++-19, or those named, x {-O0, -O2, -O3 with link-time optimisation},
+#               or the one named (g++-12:O3): every entry of tests/golden/hashes.txt, some hundreds of checks each
+#               (at -O0: the first scene's)
 #   everything  the default compiler at -O2: scenes x instruction sets x workers x executors x floating-point modes
 #   mutations   contraction, fast-math and a swapped sum: each must be found
 #   arm         library and examples cross-built by CMake for aarch64, the first scene's hashes run by qemu-user
@@ -67,26 +69,36 @@ try() {
     fi
 }
 
+# With link-time optimisation, where the compiler has what it needs for that.
+compile_o3() {
+    local compiler=$1 version=${1##*-}
+    if [[ $compiler == g++* ]]; then
+        try "$compiler-O3-lto" same some "$compiler" -O3 -flto=auto
+    elif command -v "ld.lld-$version" >/dev/null; then
+        try "$compiler-O3-lto" same some "$compiler" -O3 -flto "-fuse-ld=lld-$version" -Wno-unused-command-line-argument
+    else
+        echo "      ld.lld-$version is not here: no link-time optimisation with $compiler"
+        try "$compiler-O3" same some "$compiler" -O3
+    fi
+}
+
 compilers() {
-    local compiler linker
+    local named compiler level
     (($#)) || set -- g++-12 clang++-14 clang++-19
-    for compiler in "$@"; do
+    for named in "$@"; do
+        compiler=${named%%:*}
+        level=${named#"$compiler"}
         if ! command -v "$compiler" >/dev/null; then
             echo "      $compiler is not here: left out"
             continue
         fi
-        try "$compiler-O0" same one "$compiler" -O0
-        try "$compiler-O2" same some "$compiler" -O2
-        linker=()
-        if [[ $compiler == clang* ]]; then
-            linker=("-fuse-ld=lld-${compiler##*-}" -Wno-unused-command-line-argument)
-            if ! command -v "ld.lld-${compiler##*-}" >/dev/null; then
-                echo "      ld.lld-${compiler##*-} is not here: no link-time optimisation with $compiler"
-                try "$compiler-O3" same some "$compiler" -O3
-                continue
-            fi
-        fi
-        try "$compiler-O3-lto" same some "$compiler" -O3 -flto "${linker[@]}"
+        case $level in
+            :O0 | '') try "$compiler-O0" same one "$compiler" -O0 ;;&
+            :O2 | '') try "$compiler-O2" same some "$compiler" -O2 ;;&
+            :O3 | '') compile_o3 "$compiler" ;;
+            :O0 | :O2) ;;
+            *) wrong "$named: the level is not one of O0, O2, O3" ;;
+        esac
     done
 }
 
