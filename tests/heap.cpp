@@ -62,22 +62,39 @@ int posix_memalign(void** memory, size_t alignment, size_t size) {
 
 namespace {
 
-void* taken(void* memory) {
-    if (!memory) throw std::bad_alloc();
+void* plain(size_t size) {
+    return nusselt::test::heap_is_empty ? nullptr : std::malloc(size);
+}
+void* aligned(size_t size, std::align_val_t alignment) {
+    const size_t a = static_cast<size_t>(alignment);
+    return nusselt::test::heap_is_empty ? nullptr : std::aligned_alloc(a, (size + a - 1) / a * a);
+}
+void* counted(void* memory) {
 #if !defined(NUSSELT_COUNT_MALLOC)
-    nusselt::test::count();
+    if (memory) nusselt::test::count();
 #endif
+    return memory;
+}
+void* or_throw(void* memory) {
+    if (!memory) throw std::bad_alloc();
     return memory;
 }
 
 } // namespace
 
+// All forms: the address sanitizer has those of its own that a program leaves out, and they don't go
+// together.
 void* operator new(size_t size) {
-    return taken(nusselt::test::heap_is_empty ? nullptr : std::malloc(size));
+    return counted(or_throw(plain(size)));
 }
 void* operator new(size_t size, std::align_val_t alignment) {
-    const size_t a = static_cast<size_t>(alignment);
-    return taken(nusselt::test::heap_is_empty ? nullptr : std::aligned_alloc(a, (size + a - 1) / a * a));
+    return counted(or_throw(aligned(size, alignment)));
+}
+void* operator new(size_t size, const std::nothrow_t&) noexcept {
+    return counted(plain(size));
+}
+void* operator new(size_t size, std::align_val_t alignment, const std::nothrow_t&) noexcept {
+    return counted(aligned(size, alignment));
 }
 void operator delete(void* memory) noexcept {
     std::free(memory);

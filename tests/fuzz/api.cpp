@@ -170,16 +170,15 @@ void thread(Shared& shared, Bytes in) {
 int api(const uint8_t* data, size_t size) {
     if (size < 4 || size > 600) return 0;
     // Keeps the tables from one input to the next.
-    static Context* const keeper = [] {
-        Context* made = nullptr;
-        expect(create_context({}, &made).ok(), "a context is made");
+    static const struct Keeper {
         Shared own;
-        own.context = made;
-        const uint8_t frames[] = {0, 0, 2, 0, 0, 5, 66, 0, 0, 5};
-        thread(own, {frames, sizeof(frames)});
-        return made;
-    }();
-    (void)keeper;
+        Keeper() {
+            expect(create_context({}, &own.context).ok(), "a context is made");
+            const uint8_t frames[] = {0, 0, 2, 0, 0, 5, 66, 0, 0, 5};
+            thread(own, {frames, sizeof(frames)});
+        }
+        ~Keeper() { (void)destroy_context(own.context); }
+    } keeper;
     static const std::vector<test::ExecutorOptions> executors = test::hostile_executors();
     test::TestExecutor executor(executors[data[0] % executors.size()]);
     Shared shared;

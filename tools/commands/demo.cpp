@@ -5,6 +5,7 @@
 #include "tools/report/failure.h"
 #include "tools/report/output.h"
 #include "tools/report/progress.h"
+#include "tools/report/stop.h"
 
 #include <nlohmann/json.hpp>
 

@@ -2,13 +2,14 @@
 #include "tools/commands/study.h"
 
 #include "tools/report/failure.h"
-#include "tools/report/progress.h"
+#include "tools/report/stop.h"
 
 #include <CLI/CLI.hpp>
 
 #include <cstdio>
 #include <cstdlib>
 #include <new>
+#include <optional>
 
 namespace nusselt::tools {
 
@@ -412,6 +413,9 @@ void parse_and_run(int argc, const char* const* argv) {
         throw Failure("usage", std::string(error.what()) + "; see nusselt " + command + "--help", exit_usage);
     }
 
+    // `compare` tells what it has so far.
+    std::optional<PromptStop> prompt;
+    if (!compare_command->parsed()) prompt.emplace();
     if (demo_command->parsed()) {
         demo.engine = parse_engine(*demo_command, demo_words);
         run_demo(demo);

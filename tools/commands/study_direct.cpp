@@ -3,6 +3,7 @@
 #include "tools/commands/study.h"
 #include "tools/image/image.h"
 #include "tools/report/progress.h"
+#include "tools/report/stop.h"
 #include "tools/trace/parallel.h"
 #include "tools/trace/trace.h"
 

@@ -2,6 +2,7 @@
 #include "tools/commands/study.h"
 #include "tools/render/render.h"
 #include "tools/report/progress.h"
+#include "tools/report/stop.h"
 #include "tools/trace/glossy.h"
 
 #include <glm/geometric.hpp>

@@ -1,6 +1,7 @@
 // Many objects that shadow one another: what each costs beside being alone, and the error of all together.
 #include "tools/commands/study.h"
 #include "tools/report/progress.h"
+#include "tools/report/stop.h"
 #include "tools/trace/trace.h"
 
 #include <algorithm>

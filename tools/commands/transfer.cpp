@@ -4,6 +4,7 @@
 #include "tools/report/npy.h"
 #include "tools/report/output.h"
 #include "tools/report/progress.h"
+#include "tools/report/stop.h"
 #include "tools/trace/assembly.h"
 
 #include <nlohmann/json.hpp>

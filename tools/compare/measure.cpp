@@ -10,6 +10,7 @@
 #include "tools/compare/scaling.h"
 #include "tools/compare/timing.h"
 #include "tools/report/failure.h"
+#include "tools/report/stop.h"
 
 #include <algorithm>
 #include <atomic>

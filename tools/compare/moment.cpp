@@ -1,7 +1,7 @@
 #include "tools/compare/moment.h"
 
 #include "tools/compare/peer.h"
-#include "tools/report/progress.h"
+#include "tools/report/stop.h"
 #include "tools/trace/trace.h"
 
 #include <glm/vec3.hpp>

@@ -2,7 +2,7 @@
 
 #include "tools/compare/timing.h"
 #include "tools/report/failure.h"
-#include "tools/report/progress.h"
+#include "tools/report/stop.h"
 
 #include <algorithm>
 #include <cstring>

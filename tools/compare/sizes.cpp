@@ -4,6 +4,7 @@
 #include "tools/compare/grid.h"
 #include "tools/compare/moment.h"
 #include "tools/compare/peer.h"
+#include "tools/report/stop.h"
 
 #include <algorithm>
 #include <cmath>

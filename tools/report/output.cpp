@@ -8,6 +8,7 @@
 #include <cstring>
 #include <fcntl.h>
 #include <filesystem>
+#include <mutex>
 #include <sys/file.h>
 #include <sys/stat.h>
 #include <system_error>
@@ -70,7 +71,22 @@ void write_file(const std::string& path, std::string_view bytes) {
     }
 }
 
+namespace {
+
+// Whoever holds it is the only one to touch results.
+std::mutex outputs;
+OutputDirectory* gathering = nullptr;
+bool any_committed = false;
+
+} // namespace
+
 OutputDirectory::OutputDirectory(const std::string& path) : path_(path) {
+    const std::lock_guard lock(outputs);
+    open();
+    gathering = this;
+}
+
+void OutputDirectory::open() {
     while (path_.size() > 1 && path_.back() == '/')
         path_.pop_back();
     if (path_.empty()) throw Failure("--out", "the name of the directory is empty; give one", exit_usage);
@@ -114,6 +130,12 @@ OutputDirectory::OutputDirectory(const std::string& path) : path_(path) {
 }
 
 OutputDirectory::~OutputDirectory() {
+    const std::lock_guard lock(outputs);
+    if (gathering == this) gathering = nullptr;
+    remove();
+}
+
+void OutputDirectory::remove() {
     if (!staging_.empty()) {
         std::error_code ignored;
         fs::remove_all(staging_, ignored);
@@ -124,6 +146,7 @@ OutputDirectory::~OutputDirectory() {
 }
 
 void OutputDirectory::add(const std::string& name, std::string_view bytes) {
+    const std::lock_guard lock(outputs);
     const std::string target = path_ + "/" + name;
     const std::string staged = staging_ + "/" + name;
     if (const size_t slash = name.find('/'); slash != std::string::npos) {
@@ -138,9 +161,10 @@ void OutputDirectory::add(const std::string& name, std::string_view bytes) {
 }
 
 void OutputDirectory::commit() {
+    const std::lock_guard lock(outputs);
     if (!existed_ && std::rename(staging_.c_str(), path_.c_str()) == 0) {
         staging_.clear();
-        committed_ = true;
+        any_committed = committed_ = true;
         return;
     }
     // Another run into the same directory waits, so that the files there are one run's. The kernel lets go of
@@ -171,7 +195,17 @@ void OutputDirectory::commit() {
             fail(target, "cannot be written", errno, cure_directory);
         }
     }
-    committed_ = true;
+    any_committed = committed_ = true;
+}
+
+bool abandon_output() {
+    outputs.lock();
+    if (any_committed) {
+        outputs.unlock();
+        return false;
+    }
+    if (gathering) gathering->remove();
+    return true;
 }
 
 } // namespace nusselt::tools

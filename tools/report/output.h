@@ -28,6 +28,10 @@ public:
     const std::string& path() const { return path_; }
 
 private:
+    void open();
+    void remove();
+    friend bool abandon_output();
+
     std::string path_;
     std::string staging_;
     bool existed_ = false;
@@ -35,5 +39,9 @@ private:
     std::vector<std::string> names_;
     std::vector<std::string> made_; // parent directories, outermost first
 };
+
+// Removes what an OutputDirectory has gathered and keeps it from gathering more: whoever tries waits for
+// ever, so the caller ends the process. False, and nothing done, where a directory was committed.
+bool abandon_output();
 
 } // namespace nusselt::tools

@@ -1,44 +1,10 @@
 #include "tools/report/progress.h"
 
-#include "tools/report/failure.h"
-
 #include <algorithm>
-#include <csignal>
 #include <cstdio>
 #include <unistd.h>
 
 namespace nusselt::tools {
-
-namespace {
-
-std::atomic<bool> stop{false};
-static_assert(std::atomic<bool>::is_always_lock_free, "the signal handler writes it");
-
-void on_signal(int number) {
-    stop.store(true);
-    // A second one ends the program the usual way.
-    std::signal(number, SIG_DFL);
-}
-
-} // namespace
-
-std::atomic<bool>& interrupted() {
-    return stop;
-}
-
-void watch_signals() {
-    std::signal(SIGINT, on_signal);
-    std::signal(SIGTERM, on_signal);
-    // A reader of stdout that went away shows as a failed write.
-    std::signal(SIGPIPE, SIG_IGN);
-    // So does a file that may not grow as far.
-    std::signal(SIGXFSZ, SIG_IGN);
-}
-
-void throw_if_interrupted() {
-    if (stop.load(std::memory_order_relaxed))
-        throw Failure("interrupted", "nothing was written; run it again");
-}
 
 Progress::Progress(std::string label) : label_(std::move(label)), terminal_(isatty(STDERR_FILENO) == 1) {}
 

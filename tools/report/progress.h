@@ -1,17 +1,10 @@
-// A progress bar on a terminal; nothing in a pipe. And the wish to stop.
+// A progress bar on a terminal; nothing in a pipe.
 #pragma once
 
-#include <atomic>
 #include <chrono>
 #include <string>
 
 namespace nusselt::tools {
-
-// Set by SIGINT and SIGTERM once watch_signals() was called. Long work looks at it and ends with
-// throw_if_interrupted.
-std::atomic<bool>& interrupted();
-void watch_signals();
-void throw_if_interrupted();
 
 class Progress {
 public:
