@@ -19,6 +19,7 @@ struct Ready {
             Posed pose = at_rest(id, mesh);
             const size_t count = pose.positions.size();
             transfer.emplace_back(25 * count);
+            behind.resize(25 * count); // of the last, the sheet
             for (Moment& moment : moments) {
                 moment.posed.push_back(pose);
                 for (glm::vec3& p : pose.positions)
@@ -35,6 +36,8 @@ struct Ready {
                                          {transfer[m].data(), count, 100},
                                          {}});
             }
+            // The sheet is seen from behind too.
+            moment.meshes[1].back.transfer = {behind.data(), behind.size() / 25, 100};
         }
     }
 
@@ -65,6 +68,7 @@ struct Ready {
     Context* context;
     Moment moments[2];
     std::vector<std::vector<float>> transfer;
+    std::vector<float> behind;
     uint32_t most_threads = 0;
     uint64_t receivers = 0;
     int* volatile planted = nullptr;
