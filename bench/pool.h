@@ -47,17 +47,24 @@ private:
 
     static void* enqueue(void* user, void (*run)(void*), void* argument) {
         Pool& self = *static_cast<Pool*>(user);
-        {
-            const std::lock_guard lock(self.guard);
-            for (Task& task : self.tasks) {
-                if (task.taken) continue;
-                task = {run, argument, true, false};
-                self.queue.push_back(&task);
-                self.changed.notify_one();
-                return &task;
-            }
+        Task* const task = self.push(run, argument);
+        if (!task) {
+            run(argument);
+            return nullptr;
         }
-        run(argument);
+        // Not while the lock is held: whoever wakes up would wait for it, and be woken twice.
+        self.changed.notify_one();
+        return task;
+    }
+    // Null where too many are queued.
+    Task* push(void (*run)(void*), void* argument) {
+        const std::lock_guard lock(guard);
+        for (Task& task : tasks) {
+            if (task.taken) continue;
+            task = {run, argument, true, false};
+            queue.push_back(&task);
+            return &task;
+        }
         return nullptr;
     }
     static void finish(void* user, void* ticket) {
