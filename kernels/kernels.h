@@ -64,6 +64,7 @@ struct ClusterView {
     const float* bounds;
     uint32_t vertex_count, edge_count, triangle_count;
     uint32_t two_sided;
+    uint32_t full; // of the full mesh: a receiver in the plane of one of its triangles may touch it
     float centre[3], radius;
     float clearance; // a triangle whose plane passes the receiver no farther off than this is left out
     float nearest,
@@ -136,9 +137,11 @@ using TriangleJobs = void (*)(const Batch& batch, const float corners[3][3][lane
                               Counters& counters);
 
 // Adds what incident triangle (receiver, a, b) hides below itself: the spherical triangle (a, b, nadir), the
-// part of the hemisphere under the arc from a to b. corners[0] = a, corners[1] = b in frame space.
-using FanJobs = void (*)(const Batch& batch, const float corners[2][3][lanes], uint32_t active,
-                         const MaskLayout& layout, JobList& jobs, Counters& counters);
+// part of the hemisphere under the arc from a to b. corners[0] = a, corners[1] = b in frame space. Returns
+// the lanes whose arc rises above the tangent plane without running counter-clockwise: their fan stands
+// upright or hangs over, and what is under the arcs is not all that it hides (fill_fan).
+using FanJobs = uint32_t (*)(const Batch& batch, const float corners[2][3][lanes], uint32_t active,
+                             const MaskLayout& layout, JobList& jobs, Counters& counters);
 
 // Carries out the jobs and empties the list. `masks`: 16 masks, one after the other.
 using RunJobs = void (*)(const Tables& tables, JobList& jobs, uint8_t* masks);
@@ -181,6 +184,17 @@ struct Kernels {
     Shade shade;
     EvaluateSh evaluate_sh;
 };
+
+// What a closed link of triangles hides from the receiver in its middle, on the surface of something solid:
+// what is under its arcs, as fan_jobs has it, and all directions that lead into the solid, out of which they
+// come through back faces only, which don't block. `link` are the triangles' outer points (frame space),
+// counter-clockwise as seen from outside, each once. Adds to the lane's `mask`. For the second part each arc
+// counts with its sign, so that the sum is the winding number of the link around each sample, less that
+// around a direction which is known to lead outside; that holds however rounding tilts an upright wall, so
+// arcs that end at the zenith only count there. One function for all sets: upright and overhanging triangles
+// ask for it, smooth surfaces seldom do.
+void fill_fan(const Tables& tables, const Batch& batch, uint32_t lane, const float* const* link,
+              uint32_t count, uint8_t* mask);
 
 enum class Set : uint32_t { scalar, sse4, avx2, avx512, neon };
 constexpr uint32_t set_count = 5;

@@ -3,6 +3,8 @@
 #include "kernels/reference.h"
 
 #include "kernels/prepare.h"
+#include "kernels/scalar.h"
+#include "kernels/touching.h"
 
 #include <cstring>
 
@@ -15,80 +17,6 @@ namespace {
 struct Constant {
     float operator()(double value) const { return float(value); }
 };
-
-struct Vec {
-    float x, y, z;
-};
-
-Vec cross(const Vec& a, const Vec& b) {
-    return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
-
-// The first cell for what is not a number, too: zero times the infinite reciprocal of a denormal sum.
-uint32_t clamp_cell(float value, uint32_t cells) {
-    const float top = float(cells - 1);
-    return uint32_t(!(value > 0) ? 0 : value > top ? top : value);
-}
-
-// The table's entry for the half-space n.d <= 0, n the plane's normal: inside, for a front-facing triangle's
-// edges.
-uint32_t plane_entry(const MaskLayout& layout, const Vec& n) {
-    const uint32_t cells = layout.plane_cells;
-    const float half = float(cells / 2);
-    const float ax = std::fabs(n.x), ay = std::fabs(n.y), az = std::fabs(n.z);
-    if (layout.planes == PlaneMap::octahedral) {
-        const float sum = ax + ay + az;
-        if (!(sum > 0 && sum <= FLT_MAX)) return entry_invalid;
-        const bool below = std::signbit(n.z);
-        const float x = below ? -n.x : n.x, y = below ? -n.y : n.y;
-        const float scale = half / sum;
-        const uint32_t u = clamp_cell((x + y) * scale + half, cells),
-                       v = clamp_cell((x - y) * scale + half, cells);
-        return ((v * cells + u) << cell_shift(layout)) | (below ? 0u : 1u);
-    }
-    // The paper's cube map. The half-space n.d <= 0 is that of -n, the opposite cell of the opposite face.
-    const uint32_t axis = ax >= ay && ax >= az ? 0 : ay >= az ? 1 : 2;
-    const float major = axis == 0 ? n.x : axis == 1 ? n.y : n.z, size = std::fabs(major);
-    if (!(size > 0 && size <= FLT_MAX)) return entry_invalid;
-    const float scale = half / size;
-    const uint32_t u = clamp_cell((axis == 0 ? n.y : n.x) * scale + half, cells);
-    const uint32_t v = clamp_cell((axis == 2 ? n.y : n.z) * scale + half, cells);
-    const uint32_t face = axis * 2 + (std::signbit(major) ? 1u : 0u);
-    return (((face * cells + v) * cells + u) << cell_shift(layout)) ^ entry_complement(layout);
-}
-
-Vec to_local(const Batch& batch, uint32_t lane, const Vec& point) {
-    const float x = point.x - batch.position[0][lane], y = point.y - batch.position[1][lane],
-                z = point.z - batch.position[2][lane];
-    float r[3];
-    for (uint32_t row = 0; row < 3; ++row)
-        r[row] = batch.axis[row][0][lane] * x + batch.axis[row][1][lane] * y + batch.axis[row][2][lane] * z;
-    return {r[0], r[1], r[2]};
-}
-
-// Per lane: what the horizon test measures heights against.
-struct Horizon {
-    float x, y; // tangent of the elevation times the horizontal direction to the blockers
-};
-
-Horizon horizon_towards(float tangent, const Vec& local) {
-    const float across = std::sqrt(local.x * local.x + local.y * local.y);
-    if (!(across > 0)) return {0, 0};
-    return {tangent * (local.x / across), tangent * (local.y / across)};
-}
-
-float larger(float a, float b) {
-    return a > b ? a : b;
-}
-
-// Below the tangent plane, or below a plane through the receiver that rises to the horizon's elevation:
-// either way no sample point is covered.
-bool above_horizon(const Horizon& h, const Vec& a, const Vec& b, const Vec& c) {
-    const float height = larger(larger(a.z, b.z), c.z);
-    const float over = larger(larger(a.z - (h.x * a.x + h.y * a.y), b.z - (h.x * b.x + h.y * b.y)),
-                              c.z - (h.x * c.x + h.y * c.y));
-    return height > 0 && over > 0;
-}
 
 void add_jobs(const MaskLayout& layout, const uint32_t entry[3][lanes], const Vec corner[3][lanes],
               uint32_t active, JobList& jobs) {
@@ -206,18 +134,6 @@ void count_crossings(const Rays& rays, const ClusterView& cluster, const float* 
     }
 }
 
-bool in_band(const ClusterView& cluster, const Vec corner[3]) {
-    float low = FLT_MAX, high = 0;
-    for (uint32_t k = 0; k < 3; ++k) {
-        const float square =
-            corner[k].x * corner[k].x + corner[k].y * corner[k].y + corner[k].z * corner[k].z;
-        low = square < low ? square : low;
-        high = square > high ? square : high;
-    }
-    const float inner = cluster.two_sided ? low : high;
-    return low < cluster.farthest * cluster.farthest && inner >= cluster.nearest * cluster.nearest;
-}
-
 void cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* points,
                   const MaskLayout& layout, float horizon, ClusterScratch&, JobList& jobs,
                   Counters& counters) {
@@ -236,12 +152,13 @@ void cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* p
                                 cluster.bounds[3 * slots + t]};
         uint32_t entry[3][lanes];
         Vec corner[3][lanes];
-        uint32_t active = 0;
+        uint32_t active = 0, touching = 0;
         for (uint32_t lane = 0; lane < lanes; ++lane) {
             if (!(batch.valid >> lane & 1)) continue;
             const float height = plane[0] * batch.position[0][lane] + plane[1] * batch.position[1][lane] +
                                  plane[2] * batch.position[2][lane] - plane[3];
             const bool front = height > margin[lane], back = cluster.two_sided && height < -margin[lane];
+            if (cluster.full && std::fabs(height) <= margin[lane]) touching |= 1u << lane;
             if (!front && !back) continue;
             for (uint32_t k = 0; k < 3; ++k) {
                 const float* p = points + 4 * cluster.vertices[triangle[k]];
@@ -268,6 +185,7 @@ void cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* p
         counters.triangles_considered += bit_count(batch.valid);
         counters.triangles_rasterized += bit_count(active);
         add_jobs(layout, entry, corner, active, jobs);
+        touching_jobs(batch, cluster, points, t, touching, layout, horizon, jobs, counters);
     }
 }
 
@@ -310,9 +228,9 @@ void triangle_jobs(const Batch& batch, const float corners[3][3][lanes], uint32_
     add_jobs(layout, entry, corner, left, jobs);
 }
 
-void fan_jobs(const Batch& batch, const float corners[2][3][lanes], uint32_t active, const MaskLayout& layout,
-              JobList& jobs, Counters& counters) {
-    uint32_t entry[3][lanes], left = 0;
+uint32_t fan_jobs(const Batch& batch, const float corners[2][3][lanes], uint32_t active,
+                  const MaskLayout& layout, JobList& jobs, Counters& counters) {
+    uint32_t entry[3][lanes], left = 0, folded = 0;
     Vec corner[3][lanes];
     active &= batch.valid;
     for (uint32_t lane = 0; lane < lanes; ++lane) {
@@ -323,7 +241,9 @@ void fan_jobs(const Batch& batch, const float corners[2][3][lanes], uint32_t act
         corner[1][lane] = b;
         corner[2][lane] = {0, 0, -1};
         if (!(a.z > 0 || b.z > 0)) continue;
-        const bool behind = a.x * b.y - a.y * b.x < 0; // the arc runs clockwise
+        const float turn = a.x * b.y - a.y * b.x;
+        const bool behind = turn < 0; // the arc runs clockwise
+        if (!(turn > 0)) folded |= 1u << lane;
         // -0: neighbours along the arc look up the same cell for the plane that they share, and leave no
         // crack.
         const Vec normals[3] = {cross(a, b), {-b.y, b.x, 0}, {a.y, -a.x, -0.0f}};
@@ -337,6 +257,7 @@ void fan_jobs(const Batch& batch, const float corners[2][3][lanes], uint32_t act
     }
     counters.fan_triangles += bit_count(left);
     add_jobs(layout, entry, corner, left, jobs);
+    return folded;
 }
 
 void run_jobs(const Tables& tables, JobList& jobs, uint8_t* masks) {

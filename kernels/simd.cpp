@@ -5,6 +5,7 @@
 
 #include "kernels/compress_table.h"
 #include "kernels/prepare.h"
+#include "kernels/touching.h"
 
 #include <cstring>
 
@@ -291,6 +292,8 @@ HWY_INLINE uint64_t visible_triangles(const ReceiverBounds& receivers, const Clu
     // A little more than the sphere: the tests' own rounding must not cull. Distances are below 4.
     const V radius = constant(receivers.radius * 1.00001f + 4e-6f);
     const V nearest = constant(cluster.nearest), farthest = constant(cluster.farthest);
+    // Of the full mesh also what a receiver may touch from behind, by rounding.
+    const V clearance = constant(cluster.full ? -cluster.clearance - 1e-5f : cluster.clearance);
     const M narrow = hn::Gt(cone_cos, zero);
     const M two_sided = hn::Gt(constant(cluster.two_sided ? 1.0f : 0.0f), zero);
     uint64_t visible = 0;
@@ -298,7 +301,7 @@ HWY_INLINE uint64_t visible_triangles(const ReceiverBounds& receivers, const Clu
         const auto load = [&](uint32_t array)
                               HWY_ATTR { return hn::LoadU(df, cluster.bounds + array * slots + t); };
         const V height_over = hn::Sub(dot(load(0), load(1), load(2), px, py, pz), load(3));
-        const M front = hn::Or(two_sided, hn::Gt(hn::Add(height_over, radius), constant(cluster.clearance)));
+        const M front = hn::Or(two_sided, hn::Gt(hn::Add(height_over, radius), clearance));
         const V x = hn::Sub(load(4), px), y = hn::Sub(load(5), py), z = hn::Sub(load(6), pz);
         const V square = dot(x, y, z, x, y, z);
         const V reach = hn::Add(load(7), radius);
@@ -443,6 +446,7 @@ void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float
         const V margin = hn::Add(constant(cluster.clearance),
                                  hn::Mul(constant(1e-6f), hn::Add(distance, constant(cluster.radius))));
         const V opposite = hn::Sub(hn::Zero(df), margin);
+        const V touch = cluster.full ? margin : constant(-1.0f); // none: coarse surfaces lie off
         const Horizon towards = horizon_towards(horizon, middle.x, middle.y);
         const V farthest = constant(cluster.farthest * cluster.farthest),
                 nearest = constant(cluster.nearest * cluster.nearest);
@@ -460,6 +464,10 @@ void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float
                         constant(plane[3 * slots]));
             front[t] = bits_of(hn::Gt(height, margin)) & valid;
             back[t] = cluster.two_sided ? bits_of(hn::Lt(height, opposite)) & valid : 0;
+            const uint32_t touching = bits_of(hn::Le(hn::Abs(height), touch)) & valid;
+            if (HWY_UNLIKELY(touching != 0)) {
+                touching_jobs(batch, cluster, points, t, touching << lane, layout, horizon, jobs, counters);
+            }
             const uint8_t* triangle = cluster.triangles + 8 * t;
             const uint64_t own = 1ull << triangle[0] | 1ull << triangle[1] | 1ull << triangle[2];
             const bool any = (front[t] | back[t]) != 0;
@@ -598,10 +606,11 @@ void triangle_jobs(const Batch& batch, const float corners[3][3][lanes], uint32_
     }
 }
 
-void fan_jobs(const Batch& batch, const float corners[2][3][lanes], uint32_t active, const MaskLayout& layout,
-              JobList& jobs, Counters& counters) {
+uint32_t fan_jobs(const Batch& batch, const float corners[2][3][lanes], uint32_t active,
+                  const MaskLayout& layout, JobList& jobs, Counters& counters) {
     active &= batch.valid;
     const V zero = hn::Zero(df);
+    uint32_t folded = 0;
     for (uint32_t lane = 0; lane < lanes; lane += width) {
         if (!(active >> lane & chunk_bits)) continue;
         const Chunk chunk = load_chunk(batch, lane);
@@ -613,9 +622,11 @@ void fan_jobs(const Batch& batch, const float corners[2][3][lanes], uint32_t act
         if (!bits_of(drawn)) continue;
         const Vec3 normal[3] = {cross(a, b), Vec3{hn::Neg(b.y), b.x, zero},
                                 Vec3{a.y, hn::Neg(a.x), hn::Neg(zero)}};
+        folded |= bits_of(hn::AndNot(hn::Gt(normal[0].z, zero), drawn)) << lane;
         free_jobs(layout, corner, normal, hn::Lt(normal[0].z, zero), drawn, lane, jobs,
                   counters.fan_triangles);
     }
+    return folded;
 }
 
 template<uint32_t half_bytes>

@@ -1,6 +1,7 @@
 #include "batches.h"
 
 #include "falloff.h"
+#include "fans.h"
 #include "gloss.h"
 #include "inside.h"
 
@@ -18,36 +19,6 @@ JobList job_list(Worker& worker) {
     const size_t stride = worker.jobs.size() / 4;
     uint32_t* const base = worker.jobs.data();
     return {{base, base + stride, base + 2 * stride}, base + 3 * stride, 0};
-}
-
-// What the triangles around each receiver hide below themselves.
-void shadow_fans(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, const Batch& batch,
-                 Worker& worker, JobList& jobs) {
-    const MeshData& mesh = *slice.mesh;
-    const float* points = frame.points.data() + 4 * size_t(slice.first_point);
-    uint32_t begin[lanes], count[lanes], longest = 0;
-    for (uint32_t lane = 0; lane < lanes; ++lane) {
-        const bool valid = batch.valid >> lane & 1;
-        const uint32_t w = valid ? mesh.weld[receivers[lane]] : 0;
-        begin[lane] = valid ? mesh.fan_begin[w] : 0;
-        count[lane] = valid ? mesh.fan_begin[w + 1] - mesh.fan_begin[w] : 0;
-        longest = std::max(longest, count[lane]);
-    }
-    alignas(64) float corners[2][3][lanes] = {};
-    for (uint32_t i = 0; i < longest; ++i) {
-        uint32_t active = 0;
-        for (uint32_t lane = 0; lane < lanes; ++lane) {
-            if (i >= count[lane]) continue;
-            active |= 1u << lane;
-            for (uint32_t side = 0; side < 2; ++side) {
-                const float* p = points + 4 * size_t(mesh.fan[2 * size_t(begin[lane] + i) + side]);
-                for (uint32_t k = 0; k < 3; ++k)
-                    corners[side][k][lane] = p[k];
-            }
-        }
-        frame.kernels->fan_jobs(batch, corners, active, frame.tables->layout, jobs, worker.tally.counters);
-        if (jobs.count >= job_flush) frame.kernels->run_jobs(*frame.tables, jobs, worker.masks.data());
-    }
 }
 
 // The full mesh around each receiver (quality `paper`).
@@ -251,17 +222,19 @@ void shadow_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receiver
     const size_t mask_size = mask_bytes(tables.layout);
     const uint32_t shells = frame.shells.count;
     std::memset(worker.masks.data(), 0, lanes * mask_size * std::max(shells, 1u));
+    uint32_t folded = 0;
     if (slice.in.receive_only) {
         // Not even of itself.
     } else if (frame.quality.paper) {
         shadow_rings(frame, slice, receivers, batch, worker, jobs);
     } else {
-        shadow_fans(frame, slice, receivers, batch, worker, jobs);
+        folded = shadow_fans(frame, slice, receivers, batch, worker, jobs);
     }
     clock.lap(transform_stage);
     k.run_jobs(tables, jobs, worker.masks.data());
     clock.lap(raster_stage);
 
+    if (folded) fill_fans(frame, slice, receivers, batch, folded, worker);
     const uint32_t inside = find_inside(frame, batch, worker);
     for (uint32_t lane = 0; lane < lanes; ++lane) {
         if (inside >> lane & 1) std::memset(worker.masks.data() + lane * mask_size, 0xFF, mask_size);

@@ -32,7 +32,7 @@ struct ObliqueSample {
     uint32_t bit;
     float direction[3];
 };
-constexpr uint32_t oblique_samples = 3;
+constexpr uint32_t oblique_samples = 9, oblique_asked = 3;
 
 // Where a mesh's entries begin in the arrays of the frame.
 struct MeshSlice {

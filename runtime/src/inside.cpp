@@ -75,9 +75,10 @@ bool oblique_agree(const Frame& frame, const Batch& batch, uint32_t lane, Worker
     rays.radius = 0;
     for (uint32_t i = 0; i < 3; ++i)
         rays.centre[i] = batch.position[i][lane];
-    bool asked = false;
+    uint32_t asked = 0;
     for (const ObliqueSample& sample : frame.oblique) {
         if (is_set(mask, sample.bit)) continue;
+        if (asked == oblique_asked) break;
         float direction[3];
         for (uint32_t i = 0; i < 3; ++i) {
             direction[i] = 0;
@@ -87,9 +88,9 @@ bool oblique_agree(const Frame& frame, const Batch& batch, uint32_t lane, Worker
         set_direction(direction, rays);
         int32_t winding[lanes] = {};
         if (count_winding(frame, worker, winding) != 0 || winding[lane] <= 0) return false;
-        asked = true;
+        ++asked;
     }
-    return asked;
+    return asked > 0;
 }
 
 } // namespace
@@ -97,7 +98,10 @@ bool oblique_agree(const Frame& frame, const Batch& batch, uint32_t lane, Worker
 void choose_oblique(const MaskLayout& layout, ObliqueSample out[oblique_samples]) {
     // Three tenths of the side from the middle, a third of a turn apart, about: elevations of 50 to 60
     // degrees.
-    constexpr float place[oblique_samples][2] = {{0.82f, 0.53f}, {0.29f, 0.74f}, {0.37f, 0.21f}};
+    // The rest stand in for those that the fan hides.
+    constexpr float place[oblique_samples][2] = {{0.82f, 0.53f}, {0.29f, 0.74f}, {0.37f, 0.21f},
+                                                 {0.5f, 0.5f},   {0.7f, 0.8f},   {0.17f, 0.45f},
+                                                 {0.68f, 0.2f},  {0.5f, 0.9f},   {0.9f, 0.75f}};
     for (uint32_t i = 0; i < oblique_samples; ++i) {
         const uint32_t x = static_cast<uint32_t>(place[i][0] * float(layout.side)),
                        y = static_cast<uint32_t>(place[i][1] * float(layout.side));

@@ -12,10 +12,10 @@ void choose_oblique(const kernels::MaskLayout& layout, ObliqueSample out[oblique
 // crossings with all closed parts together are counted. From inside, every ray leaves once more than it
 // enters; so one along the axis nearest to the normal rules most receivers out. It proves nothing: it may
 // start below the receiver's own surface, or run along a wall. Where it leaves, three sample directions of
-// the receiver's own decide, and all must agree; one that its own fan hides (`masks` after fan_jobs were run)
-// has no say. Which rays are asked depends on the receiver alone, not on the batch.
-// A receiver is not called inside where one of its own rays may meet a triangle with a corner that is not
-// finite.
+// the receiver's own decide, and all must agree; those that its own fan hides (`masks` as the fans leave
+// them) have no say, and others take their place. Which rays are asked depends on the receiver alone, not on
+// the batch. A receiver is not called inside where one of its own rays may meet a triangle with a corner that
+// is not finite.
 uint32_t find_inside(const Frame& frame, const kernels::Batch& batch, Worker& worker);
 
 } // namespace nusselt

@@ -116,6 +116,7 @@ void connect(Frame& frame) {
             view.edge_count = k.edge_begin[i + 1] - k.edge_begin[i];
             view.triangle_count = k.triangle_begin[i + 1] - triangle;
             view.two_sided = k.two_sided[i];
+            view.full = k.level[i] == 0 && !frame.quality.paper;
             view.bounds = frame.triangle_bounds.data() + bounds;
             bounds += 8 * kernels::triangle_slots(view.triangle_count);
         }

@@ -316,6 +316,10 @@ void build_mesh(const MeshDesc& desc, const LevelOptions& options, const Allocat
     }
 
     build_fans(welded, mesh);
+    mesh.solid.assign(welded, 1);
+    for (size_t c = 0; c < mesh.full_triangles.size(); ++c) {
+        if (mesh.full_two_sided[c / 3]) mesh.solid[mesh.full_triangles[c]] = 0;
+    }
     build_rings(welded, mesh);
     build_receivers(desc, builder.positions.data(), allocator, mesh);
 

@@ -49,7 +49,7 @@ size_t bytes_of(const Clusters& c) {
 
 size_t bytes_of(const MeshData& m) {
     return sizeof(m) + bytes_of(m.weld) + bytes_of(m.weld_source) + bytes_of(m.fan_begin) + bytes_of(m.fan) +
-           bytes_of(m.receivers) + bytes_of(m.duplicates) + bytes_of(m.duplicate_of) +
+           bytes_of(m.solid) + bytes_of(m.receivers) + bytes_of(m.duplicates) + bytes_of(m.duplicate_of) +
            bytes_of(m.duplicate_begin) + bytes_of(m.full_triangles) + bytes_of(m.ring_begin) +
            bytes_of(m.ring) + bytes_of(m.full_two_sided) + bytes_of(m.anchor) + bytes_of(m.clusters) +
            bytes_of(m.samples.begin) + bytes_of(m.samples.cluster_begin) + bytes_of(m.samples.vertex) +

@@ -79,11 +79,12 @@ struct MeshData {
     explicit MeshData(const Allocator& a)
         : weld(HostAllocator<uint32_t>(a)), weld_source(HostAllocator<uint32_t>(a)),
           fan_begin(HostAllocator<uint32_t>(a)), fan(HostAllocator<uint32_t>(a)),
-          receivers(HostAllocator<uint32_t>(a)), duplicates(HostAllocator<uint32_t>(a)),
-          duplicate_of(HostAllocator<uint32_t>(a)), duplicate_begin(HostAllocator<uint32_t>(a)),
-          full_triangles(HostAllocator<uint32_t>(a)), ring_begin(HostAllocator<uint32_t>(a)),
-          ring(HostAllocator<uint32_t>(a)), full_two_sided(HostAllocator<uint8_t>(a)),
-          anchor(HostAllocator<uint32_t>(a)), clusters(a), coarse_clusters(a), samples(a) {}
+          solid(HostAllocator<uint8_t>(a)), receivers(HostAllocator<uint32_t>(a)),
+          duplicates(HostAllocator<uint32_t>(a)), duplicate_of(HostAllocator<uint32_t>(a)),
+          duplicate_begin(HostAllocator<uint32_t>(a)), full_triangles(HostAllocator<uint32_t>(a)),
+          ring_begin(HostAllocator<uint32_t>(a)), ring(HostAllocator<uint32_t>(a)),
+          full_two_sided(HostAllocator<uint8_t>(a)), anchor(HostAllocator<uint32_t>(a)), clusters(a),
+          coarse_clusters(a), samples(a) {}
 
     uint32_t vertex_count = 0; // the caller's, V
     Vector<uint32_t> weld;     // V: welded vertex of each vertex
@@ -93,6 +94,7 @@ struct MeshData {
     // Fans: the incident triangles of welded vertex w are (w, fan[2 k], fan[2 k + 1]), counter-clockwise, for
     // k in [fan_begin[w], fan_begin[w + 1]). W + 1 begins. Full mesh, degenerate triangles left out.
     Vector<uint32_t> fan_begin, fan;
+    Vector<uint8_t> solid; // W: 1 where all of them bound closed, consistently wound parts
 
     // Receivers in batches of 16 that lie together and look the same way (rest pose), one for each distinct
     // pair of welded position and rest normal; the last batch may be short. `duplicates` are the remaining

@@ -259,6 +259,15 @@ void random_cluster(Random& random, const Batch& batch, bool hostile, ClusterInp
             }
         }
     }
+    const bool flat = hostile && random.one_in(8);
+    if (flat) { // a floor in which a receiver lies
+        const uint32_t axis = random.below(3);
+        for (uint32_t v = 0; v < count; ++v) {
+            float* p = out.points.get() + 4 * (v + first);
+            for (uint32_t k = 0; k < 3; ++k)
+                p[k] = k == axis ? batch.position[k][lane] : p[k] + (batch.position[k][lane] - centre[k]);
+        }
+    }
     std::map<std::pair<uint8_t, uint8_t>, uint8_t> numbers;
     const auto add_triangle = [&](uint8_t a, uint8_t b, uint8_t c) {
         const uint8_t corner[3] = {a, b, c};
@@ -296,6 +305,8 @@ void random_cluster(Random& random, const Batch& batch, bool hostile, ClusterInp
     out.view.edge_count = uint32_t(out.edges.size() / 2);
     out.view.triangle_count = uint32_t(out.triangles.size() / 8);
     out.view.two_sided = random.one_in(3);
+    out.view.full = random.one_in(2) || flat;
+    out.view.clearance = random.one_in(3) ? random.between(0, 1e-2f) : 0.0f;
     out.view.nearest = random.one_in(3) ? random.between(0, 0.3f) : 0.0f;
     out.view.farthest = random.one_in(3) ? random.between(0, 1.5f) : FLT_MAX;
     fill_bounds(out);

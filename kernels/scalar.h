@@ -1,0 +1,98 @@
+// One receiver's arithmetic: what reference.cpp does for each lane, and what is too rare to be done for
+// sixteen at once.
+#pragma once
+
+#include "kernels/kernels.h"
+
+#include <cfloat>
+#include <cmath>
+
+namespace nusselt::kernels {
+
+struct Vec {
+    float x, y, z;
+};
+
+inline Vec cross(const Vec& a, const Vec& b) {
+    return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+
+// The first cell for what is not a number, too: zero times the infinite reciprocal of a denormal sum.
+inline uint32_t clamp_cell(float value, uint32_t cells) {
+    const float top = float(cells - 1);
+    return uint32_t(!(value > 0) ? 0 : value > top ? top : value);
+}
+
+// The table's entry for the half-space n.d <= 0, n the plane's normal: inside, for a front-facing triangle's
+// edges.
+inline uint32_t plane_entry(const MaskLayout& layout, const Vec& n) {
+    const uint32_t cells = layout.plane_cells;
+    const float half = float(cells / 2);
+    const float ax = std::fabs(n.x), ay = std::fabs(n.y), az = std::fabs(n.z);
+    if (layout.planes == PlaneMap::octahedral) {
+        const float sum = ax + ay + az;
+        if (!(sum > 0 && sum <= FLT_MAX)) return entry_invalid;
+        const bool below = std::signbit(n.z);
+        const float x = below ? -n.x : n.x, y = below ? -n.y : n.y;
+        const float scale = half / sum;
+        const uint32_t u = clamp_cell((x + y) * scale + half, cells),
+                       v = clamp_cell((x - y) * scale + half, cells);
+        return ((v * cells + u) << cell_shift(layout)) | (below ? 0u : 1u);
+    }
+    // The paper's cube map. The half-space n.d <= 0 is that of -n, the opposite cell of the opposite face.
+    const uint32_t axis = ax >= ay && ax >= az ? 0 : ay >= az ? 1 : 2;
+    const float major = axis == 0 ? n.x : axis == 1 ? n.y : n.z, size = std::fabs(major);
+    if (!(size > 0 && size <= FLT_MAX)) return entry_invalid;
+    const float scale = half / size;
+    const uint32_t u = clamp_cell((axis == 0 ? n.y : n.x) * scale + half, cells);
+    const uint32_t v = clamp_cell((axis == 2 ? n.y : n.z) * scale + half, cells);
+    const uint32_t face = axis * 2 + (std::signbit(major) ? 1u : 0u);
+    return (((face * cells + v) * cells + u) << cell_shift(layout)) ^ entry_complement(layout);
+}
+
+inline Vec to_local(const Batch& batch, uint32_t lane, const Vec& point) {
+    const float x = point.x - batch.position[0][lane], y = point.y - batch.position[1][lane],
+                z = point.z - batch.position[2][lane];
+    float r[3];
+    for (uint32_t row = 0; row < 3; ++row)
+        r[row] = batch.axis[row][0][lane] * x + batch.axis[row][1][lane] * y + batch.axis[row][2][lane] * z;
+    return {r[0], r[1], r[2]};
+}
+
+// Per lane: what the horizon test measures heights against.
+struct Horizon {
+    float x, y; // tangent of the elevation times the horizontal direction to the blockers
+};
+
+inline Horizon horizon_towards(float tangent, const Vec& local) {
+    const float across = std::sqrt(local.x * local.x + local.y * local.y);
+    if (!(across > 0)) return {0, 0};
+    return {tangent * (local.x / across), tangent * (local.y / across)};
+}
+
+inline float larger(float a, float b) {
+    return a > b ? a : b;
+}
+
+// Below the tangent plane, or below a plane through the receiver that rises to the horizon's elevation:
+// either way no sample point is covered.
+inline bool above_horizon(const Horizon& h, const Vec& a, const Vec& b, const Vec& c) {
+    const float height = larger(larger(a.z, b.z), c.z);
+    const float over = larger(larger(a.z - (h.x * a.x + h.y * a.y), b.z - (h.x * b.x + h.y * b.y)),
+                              c.z - (h.x * c.x + h.y * c.y));
+    return height > 0 && over > 0;
+}
+
+inline bool in_band(const ClusterView& cluster, const Vec corner[3]) {
+    float low = FLT_MAX, high = 0;
+    for (uint32_t k = 0; k < 3; ++k) {
+        const float square =
+            corner[k].x * corner[k].x + corner[k].y * corner[k].y + corner[k].z * corner[k].z;
+        low = square < low ? square : low;
+        high = square > high ? square : high;
+    }
+    const float inner = cluster.two_sided ? low : high;
+    return low < cluster.farthest * cluster.farthest && inner >= cluster.nearest * cluster.nearest;
+}
+
+} // namespace nusselt::kernels
