@@ -51,7 +51,8 @@ MeshId add(Context* context, const scenes::Mesh& mesh) {
 
 bool Output::operator==(const Output& other) const {
     return transfer.size() == other.transfer.size() && masks == other.masks &&
-           std::memcmp(transfer.data(), other.transfer.data(), transfer.size() * 100) == 0;
+           (transfer.empty() ||
+            std::memcmp(transfer.data(), other.transfer.data(), transfer.size() * 100) == 0);
 }
 
 namespace {

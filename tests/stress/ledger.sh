@@ -1,18 +1,19 @@
 #!/usr/bin/env bash
-# docs/trust-ledger.md, from what the stress tests and the fuzzers left in WORK: ledger.sh WORK SEED FRAMES. From the
-# repository's root.
+# docs/trust-ledger.md, from what the stress tests and the fuzzers left in WORK: ledger.sh WORK SEED FRAMES REVISION. From
+# the repository's root.
 set -euo pipefail
 
 work=$1
 seed=$2
 frames=$3
+revision=$4
 {
     echo "# Ledger of the last stress run"
     echo
-    echo "Written by \`./nusselt.sh stress\`; not by hand. Seed $seed, revision $(git describe --always --dirty)," \
+    echo "Written by \`./nusselt.sh stress\`; not by hand. Seed $seed, revision $revision," \
         "$(date -u +%Y-%m-%d), $(grep -m1 'model name' /proc/cpuinfo | cut -d: -f2 | sed 's/^ //'), $(nproc) processors."
     echo
-    echo "| test | cases passed | outcome | seconds |"
+    echo "| program | tests passed | outcome | seconds |"
     echo "|---|---|---|---|"
     awk -F'\t' '{printf "| `%s` | %s | %s | %s |\n", $1, $2, $3, $4}' "$work/results.tsv"
     echo
@@ -27,7 +28,7 @@ frames=$3
         echo "|---|---|---|---|---|---|"
         awk -F'\t' '{printf "| `%s` | %s | %s | %s | %s | %s |\n", $1, $2, $3, $4, $5, $6}' "$work/fuzz.tsv"
     else
-        echo "Not fuzzed: clang++ is not here."
+        echo "Not fuzzed in this run."
     fi
 } >docs/trust-ledger.md
 echo "ledger: docs/trust-ledger.md"

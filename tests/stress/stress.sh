@@ -11,6 +11,7 @@ work=build/stress
 read -ra run <<<"${NUSSELT_RUN:-}"
 mkdir -p "$work"
 failed=0
+revision=$(git describe --always --dirty) # that of the programs: the tree may change within the hour
 
 figures=$work/figures.tsv
 : >"$figures"
@@ -42,5 +43,5 @@ if [[ -n $fuzz ]]; then
     tests/fuzz/fuzz.sh "$((seconds < 3 ? 3 : seconds))" "$fuzz" "$work" || failed=1
 fi
 
-tests/stress/ledger.sh "$work" "$seed" "$frames" || failed=1
+tests/stress/ledger.sh "$work" "$seed" "$frames" "$revision" || failed=1
 exit $failed
