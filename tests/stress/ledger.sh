@@ -12,6 +12,9 @@ revision=$4
     echo
     echo "Written by \`./nusselt.sh stress\`; not by hand. Seed $seed, revision $revision," \
         "$(date -u +%Y-%m-%d), $(grep -m1 'model name' /proc/cpuinfo | cut -d: -f2 | sed 's/^ //'), $(nproc) processors."
+    if [[ -n ${NUSSELT_RUN:-} ]]; then
+        echo "Each program ran under \`$NUSSELT_RUN\`, and whatever it measures in seconds is worse for it."
+    fi
     echo
     echo "| program | tests passed | outcome | seconds |"
     echo "|---|---|---|---|"

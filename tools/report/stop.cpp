@@ -16,7 +16,7 @@ namespace nusselt::tools {
 
 namespace {
 
-constexpr auto grace = std::chrono::milliseconds(50);
+constexpr auto grace = std::chrono::milliseconds(20);
 constexpr char by_signal = 's', by_owner = 'o';
 
 std::atomic<bool> stop{false};
