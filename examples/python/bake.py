@@ -44,7 +44,7 @@ class FrameMesh(c.Structure):
                 ("output_count", c.c_uint32), ("receive_only", c.c_uint32), ("gloss", c.c_void_p),
                 ("gloss_size", c.c_size_t), ("back_transfer", View), ("back_masks", View),
                 ("back_needed", c.c_void_p), ("back_outputs", c.c_void_p), ("back_output_count", c.c_uint32),
-                ("reserved", c.c_uint32)]
+                ("object", c.c_uint32)]
 
 
 class FrameDesc(c.Structure):
@@ -52,7 +52,8 @@ class FrameDesc(c.Structure):
                 ("mesh_count", c.c_uint32), ("quality", c.c_uint32), ("order", c.c_uint32), ("same_pose", c.c_uint32),
                 ("origin", c.c_void_p), ("history", Mesh), ("budget_us", c.c_float),
                 ("falloff_from", c.c_float), ("falloff_to", c.c_float), ("light", c.c_void_p),
-                ("environment", c.c_void_p)]
+                ("environment", c.c_void_p), ("visible", c.c_void_p), ("record", c.c_void_p),
+                ("visible_segment", c.c_uint32)]
 
 
 class Nusselt:

@@ -2,8 +2,10 @@
 
 #include "falloff.h"
 #include "fans.h"
+#include "far.h"
 #include "gloss.h"
 #include "inside.h"
+#include "visible_set.h"
 
 #include <algorithm>
 #include <bit>
@@ -14,12 +16,6 @@ namespace nusselt {
 namespace {
 
 using namespace kernels;
-
-JobList job_list(Worker& worker) {
-    const size_t stride = worker.jobs.size() / 4;
-    uint32_t* const base = worker.jobs.data();
-    return {{base, base + stride, base + 2 * stride}, base + 3 * stride, 0};
-}
 
 // The full mesh around each receiver (quality `paper`).
 void shadow_rings(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, const Batch& batch,
@@ -142,7 +138,9 @@ void keep_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receivers,
 // The masks' transfer vectors, turned to the caller's space.
 void finish_batch(const Frame& frame, const MeshSlice& slice, const Batch& batch, Worker& worker,
                   StageClock& clock) {
-    const uint32_t order = slice.in.output_count > 0 ? 5 : frame.order;
+    // A product's low bands are made of all bands.
+    const bool far = slice.looks_far && worker.far_count > 0;
+    const uint32_t order = slice.in.output_count > 0 || far ? 5 : frame.order;
     if (frame.shells.count > 0) {
         integrate_shells(frame, batch, order, worker);
     } else {
@@ -151,6 +149,7 @@ void finish_batch(const Frame& frame, const MeshSlice& slice, const Batch& batch
     }
     clock.lap(integrate_stage);
     frame.kernels->rotate(batch, order, worker.local, worker.turned);
+    if (far) multiply_far(worker);
 }
 
 } // namespace
@@ -251,6 +250,7 @@ void shadow_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receiver
 
     if (frame.quality.paper) mark_vicinity(slice, receivers, batch, true, worker);
     if (shells > 0) raster_shells(frame, batch, selected, worker, jobs, clock);
+    if (frame.record) std::copy(worker.masks.begin(), worker.masks.end(), worker.masks_before.begin());
     for (uint32_t i = 0; shells == 0 && i < selected; ++i) {
         const uint32_t c = worker.selected[i];
         const MeshSlice& blocker = frame.meshes[frame.cluster_mesh[c]];
@@ -260,10 +260,11 @@ void shadow_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receiver
             k.cluster_jobs(batch, frame.views[c], frame.points.data() + 4 * size_t(blocker.first_point),
                            tables.layout, tables.horizon, worker.scratch[0], jobs, counters);
         }
-        if (jobs.count < job_flush && i + 1 < selected) continue;
+        if (jobs.count < job_flush && i + 1 < selected && !frame.record) continue;
         clock.lap(transform_stage);
         k.run_jobs(tables, jobs, worker.masks.data());
         clock.lap(raster_stage);
+        if (frame.record) record_visible(frame, slice, receivers, c, batch.valid, worker);
     }
     if (frame.quality.paper) mark_vicinity(slice, receivers, batch, false, worker);
     k.run_jobs(tables, jobs, worker.masks.data());

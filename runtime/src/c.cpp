@@ -18,6 +18,8 @@ static_assert(NUSSELT_OUTPUT_DIRECT == static_cast<uint32_t>(OutputKind::direct)
 static_assert(NUSSELT_FORMAT_PACKED8 == static_cast<uint32_t>(OutputFormat::packed8));
 static_assert(NUSSELT_BRDF_GGX == static_cast<uint32_t>(Brdf::ggx));
 // The same structs in both languages: they are passed on as they are.
+static_assert(sizeof(nusselt_mesh) == sizeof(MeshId) &&
+              offsetof(nusselt_mesh, slot) == offsetof(MeshId, slot));
 static_assert(sizeof(nusselt_material) == sizeof(Material));
 static_assert(offsetof(nusselt_material, specular) == offsetof(Material, specular));
 static_assert(offsetof(nusselt_material, exponent) == offsetof(Material, exponent));
@@ -132,7 +134,8 @@ void convert(const nusselt_frame_desc& desc, FrameMesh* out, Output* outputs) {
                   reinterpret_cast<const Gloss*>(m.gloss),
                   m.receive_only,
                   {cpp(m.back_transfer), masks_of(m.back_masks), m.back_needed,
-                   take(m.back_outputs, m.back_output_count), m.back_output_count}};
+                   take(m.back_outputs, m.back_output_count), m.back_output_count},
+                  m.object};
     }
 }
 
@@ -298,6 +301,9 @@ nusselt_status nusselt_submit(nusselt_context* context, const nusselt_frame_desc
     frame.falloff = {desc->falloff_from, desc->falloff_to};
     frame.light = desc->light;
     frame.environment = reinterpret_cast<const Environment*>(desc->environment);
+    frame.visible = reinterpret_cast<const VisibleSet*>(desc->visible);
+    frame.record = reinterpret_cast<VisibleSet*>(desc->record);
+    frame.visible_segment = desc->visible_segment;
     Status status;
     const uint32_t outputs = desc->meshes ? count_outputs(*desc) : 0;
     if (!desc->meshes) {
@@ -410,6 +416,38 @@ nusselt_status nusselt_create_environment(nusselt_context* context, const float*
 
 void nusselt_destroy_environment(nusselt_context* context, nusselt_environment* environment) {
     destroy_environment(cpp(context), reinterpret_cast<Environment*>(environment));
+}
+
+nusselt_status nusselt_create_visible_set(nusselt_context* context, const nusselt_mesh* meshes,
+                                          uint32_t mesh_count, uint32_t quality, uint32_t segments,
+                                          nusselt_visible_set** out) {
+    return c_status(create_visible_set(cpp(context), reinterpret_cast<const MeshId*>(meshes), mesh_count,
+                                       quality_of(quality), segments, reinterpret_cast<VisibleSet**>(out)));
+}
+
+void nusselt_destroy_visible_set(nusselt_context* context, nusselt_visible_set* set) {
+    destroy_visible_set(cpp(context), reinterpret_cast<VisibleSet*>(set));
+}
+
+size_t nusselt_visible_set_bytes(const nusselt_visible_set* set) {
+    return visible_set_bytes(reinterpret_cast<const VisibleSet*>(set));
+}
+
+nusselt_status nusselt_write_visible_set(const nusselt_visible_set* set, void* data, size_t size) {
+    return c_status(write_visible_set(reinterpret_cast<const VisibleSet*>(set), data, size));
+}
+
+nusselt_status nusselt_read_visible_set(nusselt_context* context, const nusselt_mesh* meshes,
+                                        uint32_t mesh_count, const void* data, size_t size,
+                                        nusselt_visible_set** out) {
+    return c_status(read_visible_set(cpp(context), reinterpret_cast<const MeshId*>(meshes), mesh_count, data,
+                                     size, reinterpret_cast<VisibleSet**>(out)));
+}
+
+uint32_t nusselt_visible_set_segments(const nusselt_visible_set* set) {
+    VisibleSetInfo info;
+    const Status status = visible_set_info(reinterpret_cast<const VisibleSet*>(set), &info);
+    return status.ok() ? info.segments : 0;
 }
 
 nusselt_material nusselt_metallic_roughness(const float base_color[3], float metallic, float roughness) {

@@ -14,6 +14,11 @@ struct CellMemory {
     kernels::CellTables tables{};
 };
 
+struct FarMemory {
+    explicit FarMemory(const Allocator& a) : table(HostAllocator<float>(a)) {}
+    Vector<float> table; // empty until used
+};
+
 struct MeshSlot {
     MeshData* data = nullptr; // null: free
     MeshInfo info;
@@ -23,7 +28,10 @@ struct MeshSlot {
 
 struct Context {
     explicit Context(const Allocator& a)
-        : allocator(a), cells{CellMemory(a), CellMemory(a), CellMemory(a), CellMemory(a)},
+        : allocator(a), cells{CellMemory(a), CellMemory(a), CellMemory(a), CellMemory(a)}, far{FarMemory(a),
+                                                                                               FarMemory(a),
+                                                                                               FarMemory(a),
+                                                                                               FarMemory(a)},
           meshes(HostAllocator<MeshSlot>(a)), frames(HostAllocator<Frame*>(a)),
           crews(HostAllocator<Crew*>(a)) {}
 
@@ -38,6 +46,7 @@ struct Context {
     const kernels::Tables* tables[quality_count] = {}; // held once used
 
     CellMemory cells[quality_count]; // for outputs that are made from masks
+    FarMemory far[quality_count];    // for frames of several objects
 
     std::mutex guard; // the slots and counts below; never held while a frame works
     Vector<MeshSlot> meshes;

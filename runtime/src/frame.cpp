@@ -1,5 +1,6 @@
 #include "context_data.h"
 #include "falloff.h"
+#include "far.h"
 #include "gloss.h"
 #include "history.h"
 #include "inside.h"
@@ -8,6 +9,7 @@
 #include "layout.h"
 #include "plan.h"
 #include "shared_tables.h"
+#include "visible_set.h"
 
 #include <algorithm>
 #include <bit>
@@ -99,6 +101,7 @@ Status check(const FrameDesc& desc) {
                 return bad("no frame started: a mesh is in it twice; add it twice to draw it twice");
         }
     }
+    if (const Status status = check_visible_set(desc); !status.ok()) return status;
     return check_falloff(desc);
 }
 
@@ -281,6 +284,7 @@ Status check_handles(Context& context, const FrameDesc& desc) {
         if (!counts_fit(desc.meshes[i], desc.same_pose, *slot->data))
             return {StatusCode::invalid_argument, "no frame started: an array of a mesh has another count "
                                                   "than its vertices; give one element each"};
+        if (const Status status = check_visible_meshes(desc, i, *slot->data); !status.ok()) return status;
     }
     if (desc.history.generation == 0) return {};
     const Frame* frame = find_history(context, desc.history);
@@ -354,6 +358,23 @@ void gather_meshes(const Context& context, const FrameDesc& desc, Frame& frame) 
     }
 }
 
+// Which meshes look far, and the table for it. Throws std::bad_alloc.
+const float* far_table_of(Context& context, Quality quality, Frame& frame) {
+    bool any = false;
+    for (MeshSlice& s : frame.meshes) {
+        s.looks_far = receives(s.in) && may_look_far(frame, s);
+        any = any || s.looks_far;
+    }
+    if (!any) return nullptr;
+    Vector<float>& table = context.far[static_cast<uint32_t>(quality)].table;
+    if (table.empty()) {
+        const jobs::FloatEnvironment environment;
+        table.resize(far_table_size(frame.quality.layout));
+        build_far_table(frame.quality.layout, table.data());
+    }
+    return table.data();
+}
+
 // All that may fail for want of memory; the guard is held.
 void set_up(Context& context, const FrameDesc& desc, Frame& frame) {
     if (frame.has_history) compare_group(frame, desc);
@@ -365,6 +386,9 @@ void set_up(Context& context, const FrameDesc& desc, Frame& frame) {
     frame.output_kernels = context.output_kernels;
     frame.light_kernels = context.light_kernels;
     frame.environment = desc.environment;
+    frame.visible = desc.visible;
+    frame.record = desc.record;
+    frame.visible_segment = desc.visible_segment;
     frame.shells = make_shells(desc.falloff);
     if (desc.light) std::copy(desc.light, desc.light + 75, frame.light);
     frame.profiler = &context.profiler;
@@ -374,6 +398,7 @@ void set_up(Context& context, const FrameDesc& desc, Frame& frame) {
     copy_outputs(frame);
     frame.cells = cells_of(context, desc.quality, frame);
     lay_out(frame);
+    frame.far_table = far_table_of(context, desc.quality, frame);
     grow(frame);
     if (!frame.has_history) return;
     meet_history(frame, desc);

@@ -46,7 +46,8 @@ struct MeshSlice {
     uint32_t first_output = 0;                       // of in.output_count
     Gloss gloss;                                     // what in.gloss points to
     uint32_t first_vertex = 0;                       // in the history's arrays
-    bool is_back = false; // of an earlier slice's mesh: its points, no clusters, and normals turned over
+    bool is_back = false;   // of an earlier slice's mesh: its points, no clusters, and normals turned over
+    bool looks_far = false; // far objects are multiplied into its results, not drawn into its masks (far.h)
 };
 
 inline bool receives(const FrameMesh& mesh) {
@@ -89,6 +90,16 @@ struct Tally {
     uint64_t ticks[6] = {}; // by Stage
 };
 
+// The levels of a mesh: their clusters, and the distances at which some of these are drawn.
+struct LevelBands {
+    struct Level {
+        uint32_t begin, end;
+        float nearest, farthest;
+    };
+    Level levels[max_levels];
+    uint32_t count = 0;
+};
+
 enum Stage : uint32_t {
     refit_stage,
     cull_stage,
@@ -104,6 +115,8 @@ struct Worker {
         : scratch(HostAllocator<kernels::ClusterScratch>(a)), masks(HostAllocator<uint8_t>(a)),
           jobs(HostAllocator<uint32_t>(a)), near(HostAllocator<uint16_t>(a)),
           candidates(HostAllocator<uint32_t>(a)), selected(HostAllocator<uint32_t>(a)),
+          meshes(HostAllocator<uint32_t>(a)), visible(HostAllocator<uint32_t>(a)),
+          far_meshes(HostAllocator<uint32_t>(a)), masks_before(HostAllocator<uint8_t>(a)),
           points_before(HostAllocator<float>(a)) {}
 
     Vector<kernels::ClusterScratch> scratch; // one
@@ -111,7 +124,15 @@ struct Worker {
     Vector<uint32_t> jobs;                   // the job list's four arrays
     Vector<uint16_t> near; // by welded vertex, one bit a lane (quality `paper`); zero between batches
     Vector<uint32_t> candidates, selected;
-    Vector<float> points_before; // of a chunk (frames with a history)
+    Vector<uint32_t> meshes;            // of the frame, that may matter
+    Vector<uint32_t> visible;           // of the candidates (frames with a visible set)
+    Vector<uint32_t> far_meshes;        // of other objects, seen from the region's middle alone
+    Vector<uint8_t> masks_before;       // of a batch, before a cluster was drawn (frames that record)
+    uint32_t rows[kernels::lanes] = {}; // of the visible set, of a batch's receivers
+    Vector<float> points_before;        // of a chunk (frames with a history)
+    uint32_t far_count = 0;             // of far_meshes
+    kernels::Batch far_batch = {};
+    alignas(64) float far_matrix[25][25] = {};
     kernels::Batch batches[region_batches] = {};
     kernels::Rays rays = {};
     alignas(64) float normal[3][kernels::lanes] = {};
@@ -121,6 +142,12 @@ struct Worker {
     alignas(64) uint8_t encoded[kernels::lanes * kernels::most_encoded_bytes] = {};
     Tally tally;
 };
+
+inline kernels::JobList job_list(Worker& worker) {
+    const size_t stride = worker.jobs.size() / 4;
+    uint32_t* const base = worker.jobs.data();
+    return {{base, base + stride, base + 2 * stride}, base + 3 * stride, 0};
+}
 
 // The threads' side of a frame: its graph and its workers' scratch memory. Any frame takes any that is free.
 struct Crew {
@@ -142,7 +169,7 @@ struct Frame {
           radius(a), cone{FloatArray(a), FloatArray(a), FloatArray(a)}, cone_cos(a), cone_sin(a),
           triangle_radius(a), nearest(a), farthest(a), views(HostAllocator<kernels::ClusterView>(a)),
           cluster_mesh(HostAllocator<uint32_t>(a)), cluster_bounds_begin(HostAllocator<uint32_t>(a)),
-          history(a) {}
+          mesh_bounds(a), level_bands(HostAllocator<LevelBands>(a)), history(a) {}
 
     // Fixed in `submit`.
     const kernels::Kernels* kernels = nullptr;
@@ -151,8 +178,12 @@ struct Frame {
     const Profiler* profiler = nullptr; // the context's
     const kernels::Tables* tables = nullptr;
     const kernels::CellTables* cells = nullptr; // where an output is made from masks
+    const float* far_table = nullptr;           // where a mesh looks far
     float light[75] = {};
     const Environment* environment = nullptr;
+    const VisibleSet* visible = nullptr;
+    VisibleSet* record = nullptr;
+    uint32_t visible_segment = 0; // of either
     Shells shells;
     QualitySettings quality{};
     uint32_t order = 5;           // bands of the transfer vectors
@@ -161,6 +192,9 @@ struct Frame {
     uint32_t mesh_count = 0;      // the caller's
     Vector<OutputStream> outputs; // of all slices in turn
     uint32_t point_count = 0, point_chunks = 0, cluster_count = 0, triangle_bounds_count = 0;
+    // Meshes of other objects are drawn as proxies: the arrays of clusters below then hold cluster c once
+    // more at cluster_count + c, as receivers of other objects see it.
+    bool proxies = false;
     uint32_t region_size = region_receivers; // receivers of a region, whole batches
     uint32_t region_count = 0;
 
@@ -180,6 +214,8 @@ struct Frame {
     Vector<kernels::ClusterView> views;
     Vector<uint32_t> cluster_mesh, cluster_bounds_begin;
     kernels::ClusterBounds cluster_bounds{};
+    ClusterBoundsArrays mesh_bounds; // a sphere around each mesh
+    Vector<LevelBands> level_bands;  // of each mesh, then of each mesh's proxy
 
     // A frame with a history is kept for it: the arrays above are then those of its last frame.
     bool has_history = false;

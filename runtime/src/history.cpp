@@ -90,6 +90,30 @@ void add_shell(const Frame& frame, uint32_t c, float one, float other, History& 
     history.disturbed_by[at] = 0;
 }
 
+// Cluster c of a mesh that moved, as it is `drawn`: for its own object, or as a proxy.
+void disturb(Frame& frame, const MeshSlice& slice, uint32_t c, uint32_t drawn) {
+    History& h = frame.history;
+    if (!h.touched[c] && h.clearance_before[c] == frame.views[c].clearance) {
+        add_shell(frame, drawn, h.before.nearest.data()[drawn], frame.nearest.data()[drawn], h);
+        add_shell(frame, drawn, h.before.farthest.data()[drawn], frame.farthest.data()[drawn], h);
+        return;
+    }
+    const float motion = motion_of(frame, c);
+    for (uint32_t i = 0; i < 2; ++i)
+        h.disturbed_by[h.disturbed_count + i] = motion <= FLT_MAX ? motion : FLT_MAX;
+    copy_bounds(h.before, drawn, h.disturbed, h.disturbed_count++);
+    copy_bounds(frame, drawn, h.disturbed, h.disturbed_count++);
+    // Rays that look for receivers inside closed parts leave through back faces, at any distance. They stay
+    // well above the receiver's horizon.
+    const bool closed = c - slice.first_cluster < slice.mesh->closed_clusters;
+    for (uint32_t i = 1; closed && frame.any_closed && i <= 2; ++i) {
+        const uint32_t last = h.disturbed_count - i;
+        h.disturbed.cone_cos.data()[last] = -1;
+        h.disturbed.nearest.data()[last] = 0;
+        h.disturbed.farthest.data()[last] = FLT_MAX;
+    }
+}
+
 } // namespace
 
 void ClusterBoundsArrays::resize(size_t count) {
@@ -118,7 +142,8 @@ bool is_same_group(const Frame& frame, const FrameDesc& desc) {
         const GroupMember& known = h.members[i];
         if (known.mesh.slot != m.mesh.slot || known.mesh.generation != m.mesh.generation ||
             known.receives != receives(m) || known.masks != (m.masks.data != nullptr) ||
-            known.back_receives != receives(m.back) || known.back_masks != (m.back.masks.data != nullptr))
+            known.back_receives != receives(m.back) || known.back_masks != (m.back.masks.data != nullptr) ||
+            known.object != m.object)
             return false;
     }
     return true;
@@ -160,14 +185,14 @@ void meet_history(Frame& frame, const FrameDesc& desc) {
     h.invalid_triangles.resize(frame.cluster_count);
     h.level_errors.resize(frame.cluster_count);
     h.clearance_before.resize(frame.cluster_count);
-    h.before.resize(frame.cluster_count);
-    h.disturbed.resize(2 * size_t(frame.cluster_count));
-    h.disturbed_by.resize(2 * size_t(frame.cluster_count));
+    h.before.resize(frame.views.size());
+    h.disturbed.resize(2 * frame.views.size());
+    h.disturbed_by.resize(2 * frame.views.size());
     h.members.reserve(desc.mesh_count);
     for (uint32_t i = 0; i < desc.mesh_count; ++i) {
         const FrameMesh& m = desc.meshes[i];
-        h.members.push_back(
-            {m.mesh, receives(m), m.masks.data != nullptr, receives(m.back), m.back.masks.data != nullptr});
+        h.members.push_back({m.mesh, receives(m), m.masks.data != nullptr, receives(m.back),
+                             m.back.masks.data != nullptr, m.object});
     }
     h.quality = desc.quality;
     h.order = desc.order;
@@ -210,6 +235,7 @@ void refit_moved_clusters(void* context, uint32_t begin, uint32_t end, uint32_t 
     for (uint32_t c = begin; c < end; ++c) {
         const MeshSlice& slice = frame.meshes[frame.cluster_mesh[c]];
         copy_bounds(frame, c, h.before, c);
+        if (frame.proxies) copy_bounds(frame, frame.cluster_count + c, h.before, frame.cluster_count + c);
         h.clearance_before[c] = frame.views[c].clearance;
         h.touched[c] = !h.pose_whole || is_touched(frame, slice, c - slice.first_cluster);
         if (!h.touched[c]) {
@@ -245,25 +271,8 @@ void gather_disturbed(void* context, uint32_t, uint32_t, uint32_t) {
     for (const MeshSlice& slice : bodies(frame)) {
         if (!has_moved(frame, slice)) continue;
         for (uint32_t c = slice.first_cluster; c < slice.first_cluster + slice.clusters->count(); ++c) {
-            if (!h.touched[c] && h.clearance_before[c] == frame.views[c].clearance) {
-                add_shell(frame, c, h.before.nearest.data()[c], frame.nearest.data()[c], h);
-                add_shell(frame, c, h.before.farthest.data()[c], frame.farthest.data()[c], h);
-                continue;
-            }
-            const float motion = motion_of(frame, c);
-            for (uint32_t i = 0; i < 2; ++i)
-                h.disturbed_by[h.disturbed_count + i] = motion <= FLT_MAX ? motion : FLT_MAX;
-            copy_bounds(h.before, c, h.disturbed, h.disturbed_count++);
-            copy_bounds(frame, c, h.disturbed, h.disturbed_count++);
-            // Rays that look for receivers inside closed parts leave through back faces, at any distance.
-            // They stay well above the receiver's horizon.
-            const bool closed = c - slice.first_cluster < slice.mesh->closed_clusters;
-            for (uint32_t i = 1; closed && frame.any_closed && i <= 2; ++i) {
-                const uint32_t last = h.disturbed_count - i;
-                h.disturbed.cone_cos.data()[last] = -1;
-                h.disturbed.nearest.data()[last] = 0;
-                h.disturbed.farthest.data()[last] = FLT_MAX;
-            }
+            disturb(frame, slice, c, c);
+            if (frame.proxies) disturb(frame, slice, c, frame.cluster_count + c);
         }
     }
 }

@@ -32,6 +32,7 @@ struct LevelError {
 struct GroupMember {
     MeshId mesh;
     bool receives, masks, back_receives, back_masks;
+    uint32_t object;
 };
 
 struct History {

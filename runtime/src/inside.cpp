@@ -30,7 +30,11 @@ uint32_t meeting(const Rays& rays, const float centre[3], float radius) {
 uint32_t count_winding(const Frame& frame, Worker& worker, int32_t winding[lanes]) {
     const Kernels& k = *frame.kernels;
     uint32_t unknown = 0;
-    for (const MeshSlice& slice : bodies(frame)) {
+    const uint32_t meshes = frame.mesh_count;
+    const uint32_t met =
+        k.select_along(worker.rays, frame.mesh_bounds.view(meshes), 0, meshes, worker.meshes.data());
+    for (uint32_t m = 0; m < met; ++m) {
+        const MeshSlice& slice = frame.meshes[worker.meshes[m]];
         const uint32_t closed = slice.in.receive_only ? 0 : slice.mesh->closed_clusters;
         const uint32_t first = slice.first_cluster, end = first + closed;
         const uint32_t count =

@@ -1,5 +1,7 @@
 #include "layout.h"
 
+#include "objects.h"
+
 #include <algorithm>
 
 namespace nusselt {
@@ -24,6 +26,7 @@ void lay_out(Frame& frame) {
     frame.any_closed = false;
     frame.region_count = 0;
     frame.region_size = region_size(frame);
+    frame.proxies = needs_proxies(frame);
     const auto regions = [&](uint32_t receivers) {
         return (receivers + frame.region_size - 1) / frame.region_size;
     };
@@ -67,25 +70,28 @@ void lay_out(Frame& frame) {
 void grow(Frame& frame) {
     frame.extents.resize(frame.point_chunks);
     frame.points.resize(4 * size_t(frame.point_count));
+    const uint32_t drawn = frame.proxies ? 2 * frame.cluster_count : frame.cluster_count;
     for (uint32_t k = 0; k < 3; ++k) {
-        frame.centre[k].resize(frame.cluster_count);
-        frame.cone[k].resize(frame.cluster_count);
+        frame.centre[k].resize(drawn);
+        frame.cone[k].resize(drawn);
     }
-    frame.radius.resize(frame.cluster_count);
-    frame.cone_cos.resize(frame.cluster_count);
-    frame.cone_sin.resize(frame.cluster_count);
-    frame.triangle_radius.resize(frame.cluster_count);
-    frame.nearest.resize(frame.cluster_count);
-    frame.farthest.resize(frame.cluster_count);
+    frame.radius.resize(drawn);
+    frame.cone_cos.resize(drawn);
+    frame.cone_sin.resize(drawn);
+    frame.triangle_radius.resize(drawn);
+    frame.nearest.resize(drawn);
+    frame.farthest.resize(drawn);
+    frame.views.resize(drawn);
+    frame.cluster_mesh.resize(drawn);
     frame.level_errors.resize(frame.cluster_count);
     frame.broken.resize(frame.cluster_count);
-    frame.views.resize(frame.cluster_count);
-    frame.cluster_mesh.resize(frame.cluster_count);
     frame.cluster_bounds_begin.resize(frame.cluster_count);
+    frame.mesh_bounds.resize(frame.meshes.size());
+    frame.level_bands.resize((frame.proxies ? 2 : 1) * frame.meshes.size());
     frame.triangle_bounds.resize(frame.triangle_bounds_count);
     const size_t job_capacity = job_flush + kernels::jobs_per_cluster + 64;
     // What a history looks at: clusters as they were and as they are.
-    const uint32_t clusters = frame.has_history ? 2 * frame.cluster_count : frame.cluster_count;
+    const uint32_t clusters = frame.has_history ? 2 * drawn : frame.cluster_count;
     for (Worker& w : frame.crew->workers) {
         w.scratch.resize(1);
         w.masks.resize(size_t(kernels::lanes) * kernels::mask_bytes(frame.quality.layout) *
@@ -94,6 +100,10 @@ void grow(Frame& frame) {
         if (frame.quality.paper) w.near.resize(frame.point_count, 0);
         w.candidates.resize(clusters + 16);
         w.selected.resize(clusters + 16);
+        w.meshes.resize(frame.meshes.size() + 16);
+        w.far_meshes.resize(frame.meshes.size());
+        if (frame.visible) w.visible.resize(clusters + 16);
+        if (frame.record) w.masks_before.resize(w.masks.size());
         if (frame.has_history) w.points_before.resize(4 * size_t(point_chunk));
     }
 }
@@ -107,6 +117,7 @@ void connect(Frame& frame) {
             const uint32_t c = s.first_cluster + i;
             const uint32_t triangle = k.triangle_begin[i];
             frame.cluster_mesh[c] = m;
+            if (frame.proxies) frame.cluster_mesh[frame.cluster_count + c] = m;
             frame.cluster_bounds_begin[c] = bounds;
             kernels::ClusterView& view = frame.views[c];
             view.vertices = k.vertices.data() + k.vertex_begin[i];
@@ -128,7 +139,7 @@ void connect(Frame& frame) {
                             frame.cone_sin.data(),
                             frame.nearest.data(),
                             frame.farthest.data(),
-                            frame.cluster_count};
+                            frame.proxies ? 2 * frame.cluster_count : frame.cluster_count};
 }
 
 } // namespace nusselt

@@ -1,6 +1,7 @@
 #include "context_data.h"
 #include "jobs/float_environment.h"
 #include "levels.h"
+#include "visible_set.h"
 #include "weld.h"
 
 #include <algorithm>
@@ -92,6 +93,7 @@ Status add_mesh(Context* context, const MeshDesc& desc, MeshId* out) {
         MeshInfo info;
         data = make<MeshData>(context->allocator, context->allocator);
         build_mesh(desc, LevelOptions{}, context->allocator, *data, info);
+        data->identity = mesh_identity(*data);
         info.bytes = bytes_of(*data);
         const std::lock_guard lock(context->guard);
         *out = take_slot(*context, data, info);

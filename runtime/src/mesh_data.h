@@ -87,6 +87,7 @@ struct MeshData {
           coarse_clusters(a), samples(a) {}
 
     uint32_t vertex_count = 0; // the caller's, V
+    uint64_t identity = 0;     // see mesh_identity (visible_set.h)
     Vector<uint32_t> weld;     // V: welded vertex of each vertex
     Vector<uint32_t>
         weld_source; // W: the first vertex welded into it; its position in a frame stands for all

@@ -9,8 +9,11 @@ namespace nusselt {
 struct QualitySettings {
     const char* name;
     kernels::MaskLayout layout;
-    float angle; // a level of detail is fine enough where its error subtends at most this, radians
-    bool paper;  // two-level mesh with the receiver's 2-ring, no fans, 4x4 blocks integrated as one
+    float angle;       // a level of detail is fine enough where its error subtends at most this, radians
+    float proxy_angle; // the same where the receiver belongs to another object
+    float proxy_least; // meshes of other objects that span a smaller angle from their middle are left out
+    float far_gap;     // objects no nearer than this many radii of a region are seen from its middle alone
+    bool paper;        // two-level mesh with the receiver's 2-ring, no fans, 4x4 blocks integrated as one
     bool available;
 };
 

@@ -1,6 +1,7 @@
 #include "refit.h"
 
 #include "kernels/prepare.h"
+#include "objects.h"
 
 #include <algorithm>
 #include <cmath>
@@ -190,6 +191,34 @@ void level_errors(const Clusters& clusters, const LevelSamples& samples, const L
     }
 }
 
+template<class Visit>
+void each_cover(const Clusters& clusters, uint32_t c, const Visit& visit) {
+    for (uint32_t k = clusters.cover_begin[c]; k < clusters.cover_begin[c + 1]; ++k)
+        visit(clusters.covers[k]);
+}
+
+// The distances at which clusters are drawn where a level's error may subtend `angle`. `of_cluster`: gathered
+// over the levels.
+void distance_bands(const Frame& frame, const MeshSlice& slice, const LevelError* of_cluster, float angle,
+                    float* nearest, float* farthest) {
+    const Clusters& clusters = *slice.clusters;
+    float error[max_levels];
+    level_errors(clusters, slice.mesh->samples, of_cluster, error);
+    for (uint32_t c = 0; c < clusters.count(); ++c)
+        nearest[c] = error[clusters.level[c]] / angle;
+    for (uint32_t c = 0; c < clusters.count(); ++c) {
+        // A large triangle may pass right over a receiver that lies far from all of its corners; the coarser
+        // level leaves it out there.
+        farthest[c] = 2 * frame.triangle_radius.data()[slice.first_cluster + c];
+        bool covered = false;
+        each_cover(clusters, c, [&](uint32_t over) {
+            farthest[c] = std::max(farthest[c], nearest[over] + of_cluster[over].most);
+            covered = true;
+        });
+        if (!covered) farthest[c] = FLT_MAX;
+    }
+}
+
 } // namespace
 
 void measure_extents(void* context, uint32_t begin, uint32_t end, uint32_t) {
@@ -276,29 +305,12 @@ void choose_bands(void* context, uint32_t begin, uint32_t end, uint32_t) {
             std::fill_n(nearest, clusters.count(), 0.0f);
             std::fill_n(farthest, clusters.count(), FLT_MAX);
         } else {
-            float error[max_levels];
-            level_errors(clusters, slice.mesh->samples, of_cluster, error);
-            const auto each_cover = [&](uint32_t c, const auto& visit) {
-                for (uint32_t k = clusters.cover_begin[c]; k < clusters.cover_begin[c + 1]; ++k)
-                    visit(clusters.covers[k]);
-            };
             for (uint32_t c = 0; c < clusters.count(); ++c) {
-                nearest[c] = error[clusters.level[c]] / frame.quality.angle;
-                each_cover(c, [&](uint32_t over) {
+                each_cover(clusters, c, [&](uint32_t over) {
                     of_cluster[over].most = std::max(of_cluster[over].most, of_cluster[c].most);
                 });
             }
-            for (uint32_t c = 0; c < clusters.count(); ++c) {
-                // A large triangle may pass right over a receiver that lies far from all of its corners; the
-                // coarser level leaves it out there.
-                farthest[c] = 2 * frame.triangle_radius.data()[slice.first_cluster + c];
-                bool covered = false;
-                each_cover(c, [&](uint32_t over) {
-                    farthest[c] = std::max(farthest[c], nearest[over] + of_cluster[over].most);
-                    covered = true;
-                });
-                if (!covered) farthest[c] = FLT_MAX;
-            }
+            distance_bands(frame, slice, of_cluster, frame.quality.angle, nearest, farthest);
         }
         for (uint32_t c = 0; c < clusters.count(); ++c) {
             views[c].nearest = nearest[c];
@@ -306,7 +318,13 @@ void choose_bands(void* context, uint32_t begin, uint32_t end, uint32_t) {
             const float own = frame.quality.paper ? 0 : clear_of_own * of_cluster[c].most;
             views[c].clearance = std::max(own, clear_of_rounding(views[c]));
         }
+        bound_mesh(frame, m);
     }
+}
+
+void choose_proxy_bands(const Frame& frame, const MeshSlice& slice, float* nearest, float* farthest) {
+    distance_bands(frame, slice, frame.level_errors.data() + slice.first_cluster, frame.quality.proxy_angle,
+                   nearest, farthest);
 }
 
 } // namespace nusselt

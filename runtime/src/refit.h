@@ -12,4 +12,7 @@ void place_points(void* context, uint32_t begin, uint32_t end, uint32_t slot);  
 void refit_clusters(void* context, uint32_t begin, uint32_t end, uint32_t slot);  // clusters
 void choose_bands(void* context, uint32_t begin, uint32_t end, uint32_t slot);    // meshes
 
+// The bands of a mesh's clusters as proxies, for receivers of other objects; after its own were chosen.
+void choose_proxy_bands(const Frame& frame, const MeshSlice& slice, float* nearest, float* farthest);
+
 } // namespace nusselt

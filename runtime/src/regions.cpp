@@ -1,6 +1,9 @@
 #include "regions.h"
 
 #include "batches.h"
+#include "far.h"
+#include "objects.h"
+#include "visible_set.h"
 
 #include <algorithm>
 #include <bit>
@@ -92,6 +95,17 @@ uint32_t to_compute(const Frame& frame, const Region& region, uint32_t number, u
     return wanted;
 }
 
+// The rows of a visible set that tell what matters to some of a region's vertices.
+void find_rows(const Frame& frame, const Region& region, uint32_t number, const uint8_t* places,
+               uint32_t count, const VisibleSet& set, uint32_t rows[lanes]) {
+    const MeshSlice& slice = region.slice;
+    const VisibleRows& own = set.meshes[static_cast<size_t>(&slice - frame.meshes.data())];
+    const uint32_t region_row = region.originals ? own.first_own_row : own.first_row;
+    const uint32_t first = number - (region.originals ? slice.first_own_region : slice.first_region);
+    for (uint32_t i = 0; i < count; ++i)
+        rows[i] = region_row + (first * frame.region_size + places[i]) / lanes;
+}
+
 void note_computed(History& h, uint32_t number, const uint8_t* places, uint32_t count) {
     for (uint32_t i = 0; i < count; ++i) {
         const uint32_t batch = number * region_batches + places[i] / lanes;
@@ -102,12 +116,25 @@ void note_computed(History& h, uint32_t number, const uint8_t* places, uint32_t 
     }
 }
 
+// Into worker.batches. False where none is valid; else the bounds of those that are.
+bool load_batches(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
+                  Worker& worker, ReceiverBounds& all) {
+    ReceiverBounds bounds[region_batches];
+    uint32_t batches = 0;
+    for (uint32_t i = 0; i < count; i += lanes) {
+        Batch& batch = worker.batches[i / lanes];
+        load_batch(frame, slice, receivers + i, std::min(count - i, lanes), batch, worker);
+        if (batch.valid) bounds[batches++] = batch.bounds;
+    }
+    if (batches > 0) all = unite(bounds, batches);
+    return batches > 0;
+}
+
 // `batches`: one bit a batch of the region. `first`: computes something whatever the time.
 void shadow_region(Frame& frame, uint32_t number, uint32_t batches_wanted, bool first, Worker& worker) {
     if (!first && is_out_of_time(frame)) return;
     const Region region = region_of(frame, number);
     const MeshSlice& slice = region.slice;
-    const Kernels& k = *frame.kernels;
     StageClock clock(worker.tally);
     Packed packed;
     for (uint32_t b = 0; b * lanes < region.count; ++b) {
@@ -118,26 +145,31 @@ void shadow_region(Frame& frame, uint32_t number, uint32_t batches_wanted, bool 
 
     const uint32_t* const receivers = packed.vertex;
     const auto in_batch = [&](uint32_t i) { return std::min(count - i, lanes); };
-    ReceiverBounds bounds[region_batches];
-    uint32_t batches = 0;
-    for (uint32_t i = 0; i < count; i += lanes) {
-        Batch& batch = worker.batches[i / lanes];
-        load_batch(frame, slice, receivers + i, in_batch(i), batch, worker);
-        if (batch.valid) bounds[batches++] = batch.bounds;
-    }
-    const ReceiverBounds all = unite(bounds, batches);
+    // Of all of the region's receivers: how objects are seen must not depend on who is computed in this
+    // frame.
+    ReceiverBounds home, all;
+    const bool part = frame.proxies && count < region.count;
+    if (part) load_batches(frame, slice, region.vertices, region.count, worker, home);
+    worker.far_count = 0;
     uint32_t candidates = 0;
-    if (batches > 0) {
-        uint64_t tested = 0;
-        candidates = k.select_clusters(all, frame.cluster_bounds, nullptr, frame.cluster_count,
-                                       frame.tables->horizon, worker.candidates.data(), &tested);
-        worker.tally.clusters_tested += tested;
+    if (load_batches(frame, slice, receivers, count, worker, all)) {
+        candidates = select_candidates(frame, slice, all, part ? home : all, worker);
+        if (worker.far_count > 0) look_far(frame, part ? home : all, worker);
     }
     clock.lap(cull_stage);
     for (uint32_t i = 0; i < count; i += lanes) {
         if (!(first && i == 0) && is_out_of_time(frame)) return;
-        shadow_batch(frame, slice, receivers + i, in_batch(i), worker.batches[i / lanes],
-                     worker.candidates.data(), candidates, worker, clock);
+        const uint32_t* blockers = worker.candidates.data();
+        uint32_t blocker_count = candidates;
+        if (frame.visible || frame.record)
+            find_rows(frame, region, number, packed.place + i, in_batch(i),
+                      frame.visible ? *frame.visible : *frame.record, worker.rows);
+        if (frame.visible) {
+            blocker_count = keep_visible(frame, worker.rows, in_batch(i), candidates, worker);
+            blockers = worker.visible.data();
+        }
+        shadow_batch(frame, slice, receivers + i, in_batch(i), worker.batches[i / lanes], blockers,
+                     blocker_count, worker, clock);
         if (frame.has_history) note_computed(frame.history, number, packed.place + i, in_batch(i));
     }
 }

@@ -265,6 +265,34 @@ static void test_history(void) {
     EXPECT(fabsf(turned[3 * 3] - 1) < 1e-6f && fabsf(turned[3 * 1]) < 1e-6f);
 }
 
+static void test_visible_set(nusselt_context* context, nusselt_mesh mesh) {
+    nusselt_frame_desc desc = frame_desc(mesh);
+    nusselt_visible_set *set = NULL, *read = NULL;
+    nusselt_frame frame;
+    size_t size;
+    void* file;
+    EXPECT_CODE(nusselt_create_visible_set(context, &mesh, 1, desc.quality, 2, NULL), NUSSELT_INVALID_ARGUMENT);
+    EXPECT_CODE(nusselt_create_visible_set(context, &mesh, 1, desc.quality, 2, &set), NUSSELT_OK);
+    EXPECT(nusselt_visible_set_segments(set) == 2 && nusselt_visible_set_segments(NULL) == 0);
+    desc.record = set;
+    desc.visible_segment = 1;
+    EXPECT_CODE(nusselt_submit(context, &desc, &frame), NUSSELT_OK);
+    EXPECT_CODE(nusselt_wait(context, frame, NULL), NUSSELT_OK);
+    size = nusselt_visible_set_bytes(set);
+    file = malloc(size);
+    EXPECT_CODE(nusselt_write_visible_set(set, file, size - 1), NUSSELT_INVALID_ARGUMENT);
+    EXPECT_CODE(nusselt_write_visible_set(set, file, size), NUSSELT_OK);
+    EXPECT_CODE(nusselt_read_visible_set(context, &mesh, 1, file, size - 4, &read), NUSSELT_INVALID_ARGUMENT);
+    EXPECT_CODE(nusselt_read_visible_set(context, &mesh, 1, file, size, &read), NUSSELT_OK);
+    desc.record = NULL;
+    desc.visible = read;
+    EXPECT_CODE(nusselt_submit(context, &desc, &frame), NUSSELT_OK);
+    EXPECT_CODE(nusselt_wait(context, frame, NULL), NUSSELT_OK);
+    nusselt_destroy_visible_set(context, set);
+    nusselt_destroy_visible_set(context, read);
+    free(file);
+}
+
 /* More meshes than fit the stack, each of them small. */
 static void test_many(nusselt_context* context) {
     enum { count = 100 };
@@ -315,6 +343,7 @@ static void test_context(const nusselt_context_desc* context_desc) {
     test_frame(context, mesh);
     test_needed(context, mesh);
     test_history();
+    test_visible_set(context, mesh);
     test_many(context);
 
     EXPECT_CODE(nusselt_remove_mesh(context, mesh), NUSSELT_OK);

@@ -9,6 +9,7 @@
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -117,6 +118,7 @@ struct Statuses : testing::Test {
     void of_light();
     void of_frames_in_flight();
     void of_histories();
+    void of_visible_sets();
     void of_memory();
     void of_cameras();
     void of_lighting();
@@ -401,6 +403,85 @@ void Statuses::of_histories() {
     EXPECT_TRUE(remove_history(context, history).ok());
 }
 
+void Statuses::of_visible_sets() {
+    const auto bad = StatusCode::invalid_argument;
+    VisibleSet *set = nullptr, *none = nullptr;
+    VisibleSetInfo info;
+    provoke(create_visible_set(context, &mesh, 1, Quality::standard, 1, nullptr), bad);
+    provoke(create_visible_set(nullptr, &mesh, 1, Quality::standard, 1, &none), bad);
+    provoke(create_visible_set(context, &mesh, 0, Quality::standard, 1, &none), bad);
+    provoke(create_visible_set(context, &mesh, 1, Quality::standard, 0, &none), bad);
+    provoke(create_visible_set(context, &mesh, 1, Quality::paper, 1, &none), bad);
+    const std::vector<MeshId> many(2000, mesh);
+    provoke(create_visible_set(context, many.data(), 2000, Quality::standard, most_segments, &none), bad);
+    const MeshId gone{7, 7};
+    provoke(create_visible_set(context, &gone, 1, Quality::standard, 1, &none), StatusCode::stale_handle);
+    scarce.left = 0;
+    provoke(create_visible_set(context, &mesh, 1, Quality::standard, 1, &none), StatusCode::out_of_memory);
+    scarce.left = 1 << 30;
+    EXPECT_EQ(none, nullptr);
+    ASSERT_TRUE(create_visible_set(context, &mesh, 1, Quality::standard, 1, &set).ok());
+    provoke(visible_set_info(nullptr, &info), bad);
+
+    // Header of 32 bytes (magic, version, quality, meshes, segments, rows, clusters), identities, bits,
+    // checksum.
+    std::vector<uint32_t> file(visible_set_bytes(set) / 4);
+    provoke(write_visible_set(set, nullptr, 4 * file.size()), bad);
+    provoke(write_visible_set(set, file.data(), 4 * file.size() - 4), bad);
+    ASSERT_TRUE(write_visible_set(set, file.data(), 4 * file.size()).ok());
+    const auto refuse_file = [&](const auto& change, bool sealed) {
+        std::vector<uint32_t> other = file;
+        change(other);
+        uint64_t sum = 0xCBF29CE484222325u;
+        for (size_t i = 0; i + 2 < other.size(); ++i)
+            sum = (sum ^ other[i]) * 0x100000001B3u;
+        if (sealed) std::memcpy(&other[other.size() - 2], &sum, 8);
+        provoke(read_visible_set(context, &mesh, 1, other.data(), 4 * other.size(), &none), bad);
+        EXPECT_EQ(none, nullptr);
+    };
+    using File = std::vector<uint32_t>;
+    refuse_file([](File& f) { f.resize(3); }, false);
+    refuse_file([](File& f) { f[0] = 0; }, true);
+    refuse_file([](File& f) { f[2] = 99; }, true);
+    refuse_file([](File& f) { f[10] ^= 1; }, false);
+    refuse_file([](File& f) { f[8] ^= 1; }, true);
+    refuse_file([](File& f) { f[4] = 2; }, true);
+    refuse_file([](File& f) { f[5] = 2; }, true);
+    refuse_file([](File& f) { f.erase(f.begin() + 8, f.end() - 2); }, true);
+    provoke(read_visible_set(context, &mesh, 1, file.data(), 4 * file.size() - 1, &none), bad);
+    provoke(read_visible_set(context, &mesh, 1, file.data(), 4 * file.size(), nullptr), bad);
+    provoke(read_visible_set(nullptr, &mesh, 1, file.data(), 4 * file.size(), &none), bad);
+
+    refuse_frame([&](FrameDesc& d, FrameMesh&) { d.visible = d.record = set; });
+    refuse_frame([&](FrameDesc& d, FrameMesh&) {
+        d.visible = set;
+        d.visible_segment = 1;
+    });
+    refuse_frame([&](FrameDesc& d, FrameMesh&) {
+        d.visible = set;
+        d.quality = Quality::draft;
+    });
+    refuse_frame([&](FrameDesc& d, FrameMesh&) {
+        d.visible = set;
+        d.falloff = {1, 2};
+    });
+    refuse_frame([&](FrameDesc& d, FrameMesh& m) {
+        d.visible = set;
+        m.receive_only = 1;
+    });
+    MeshDesc larger = mesh_desc;
+    const uint32_t twice[6] = {0, 1, 2, 0, 2, 1};
+    larger.indices = twice;
+    larger.index_count = 6;
+    FrameMesh other = use;
+    ASSERT_TRUE(add_mesh(context, larger, &other.mesh).ok());
+    refuse_frame([&](FrameDesc& d, FrameMesh& m) {
+        d.visible = set;
+        m = other;
+    });
+    destroy_visible_set(context, set);
+}
+
 void Statuses::of_memory() {
     Context* made = nullptr;
     Scarce none;
@@ -496,6 +577,7 @@ TEST_F(Statuses, EveryOneIsProvoked) {
     of_light();
     of_frames_in_flight();
     of_histories();
+    of_visible_sets();
     of_memory();
     of_cameras();
     of_lighting();

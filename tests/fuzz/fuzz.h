@@ -19,8 +19,9 @@ int exr(const uint8_t* data, size_t size);
 int obj_ply(const uint8_t* data, size_t size);
 int mask_diff(const uint8_t* data, size_t size); // raw triangles through every instruction set
 int sh(const uint8_t* data, size_t size);
-int api(const uint8_t* data, size_t size); // calls on one to four threads
-int cli(const uint8_t* data, size_t size); // command lines
+int api(const uint8_t* data, size_t size);         // calls on one to four threads
+int cli(const uint8_t* data, size_t size);         // command lines
+int visible_set(const uint8_t* data, size_t size); // a file of a visible set, changed
 
 // Says what, and aborts.
 [[noreturn]] void broken(const char* what);

@@ -22,7 +22,7 @@ struct Target {
 constexpr Target targets[] = {
     {"gltf", gltf}, {"gltf_struct", gltf_struct}, {"glb", glb}, {"skin", skin},           {"hdr", hdr},
     {"exr", exr},   {"obj_ply", obj_ply},         {"sh", sh},   {"mask_diff", mask_diff}, {"api", api},
-    {"cli", cli}};
+    {"cli", cli},   {"visible_set", visible_set}};
 
 class Replay : public testing::TestWithParam<Target> {};
 

@@ -101,6 +101,7 @@ Outputs run_frame(Context* context, const std::vector<Posed>& meshes, FrameDesc 
         frame[i].mesh = m.mesh;
         frame[i].positions = view(m.positions);
         frame[i].normals = view(m.normals);
+        frame[i].object = m.object;
         frame[i].needed = m.needed.empty() ? nullptr : m.needed.data();
         frame[i].back.needed = m.back_needed.empty() ? nullptr : m.back_needed.data();
         if (m.receives) prepare(out.meshes[i], m.positions.size(), frame[i].transfer, frame[i].masks);

@@ -39,6 +39,7 @@ struct Posed {
     std::vector<uint32_t> needed = {}; // FrameMesh::needed; empty: all
     bool back_receives = false;
     std::vector<uint32_t> back_needed = {}; // BackSide::needed; empty: as the front
+    uint32_t object = 0;
 };
 struct Output {
     std::vector<std::array<float, 25>> transfer;

@@ -399,6 +399,41 @@ TEST_F(Program, Study) {
     }
 }
 
+TEST_F(Program, StudyOfManyObjects) {
+    const Outcome result = run("study objects --quick --model box.obj --out out");
+    ASSERT_EQ(result.code, 0) << result.err;
+    const auto rows = nlohmann::json::parse(contents(folder / "out" / "objects.json"))["rows"];
+    ASSERT_EQ(rows.size(), 4u);
+    EXPECT_EQ(rows[2]["objects"], "16");
+    for (const char* name : {"objects.png", "as_one.png", "alone.png"})
+        EXPECT_TRUE(contents(folder / "out" / name).starts_with("\x89PNG")) << name;
+}
+
+TEST_F(Program, VisibleSetsOfAClip) {
+    expect_failure(1, "pvs box.obj --out out", {"box.obj", "animation"});
+    expect_failure(2, "pvs slide.gltf --out out --clip jump", {"jump"});
+    expect_failure(2, "pvs slide.gltf --out out --segments 0", {"--segments"});
+    expect_failure(2, "pvs slide.gltf --out out --segments 5000", {"--segments"});
+    expect_failure(2, "pvs slide.gltf --out out --quality paper", {"paper"});
+    expect_failure(1, "pvs slide.gltf --out missing/slide.pvs --frames 2", {"missing/slide.pvs"});
+    const Outcome made = run("pvs slide.gltf --out slide.pvs --frames 5 --segments 2");
+    ASSERT_EQ(made.code, 0) << made.err;
+    EXPECT_NE(made.out.find("masks of 6 of 6 frames"), std::string::npos) << made.out;
+
+    ASSERT_EQ(run("transfer slide.gltf --out plain --time 0.5").code, 0);
+    ASSERT_EQ(run("transfer slide.gltf --out with --time 0.5 --pvs slide.pvs").code, 0);
+    for (const char* name : {"masks.npy", "transfer.npy"})
+        EXPECT_EQ(contents(folder / "plain" / name), contents(folder / "with" / name));
+    expect_failure(1, "transfer box.obj --out out --pvs slide.pvs", {"slide.pvs", "other meshes"});
+    expect_failure(1, "transfer slide.gltf --out out --pvs slide.pvs --quality fine", {"another quality"});
+    expect_failure(1, "transfer slide.gltf --out out --pvs box.obj",
+                   {"box.obj", "no potentially visible set"});
+    expect_failure(1, "transfer slide.gltf --out out --pvs missing.pvs", {"missing.pvs"});
+    const std::string whole = contents(folder / "slide.pvs");
+    std::ofstream(folder / "cut.pvs", std::ios::binary) << whole.substr(0, whole.size() / 2);
+    expect_failure(1, "transfer slide.gltf --out out --pvs cut.pvs", {"cut.pvs", "cut short"});
+}
+
 TEST_F(Program, Info) {
     const Outcome text = run("info slide.gltf");
     EXPECT_EQ(text.code, 0);

@@ -32,6 +32,7 @@ struct TransferOptions {
     uint32_t repeat = 1;
     std::vector<StreamArray> streams; // written beside the transfer vectors
     TwoSided two_sided = TwoSided::off;
+    std::string visible_set; // file; none: all blockers are looked at
 };
 void run_transfer(const TransferOptions& options);
 

@@ -140,6 +140,7 @@ Engine::Engine(const scenes::Scene& scene, const EngineOptions& options, std::st
 
 Engine::~Engine() {
     destroy_environment(context_, environment_);
+    destroy_visible_set(context_, visible_);
     // No frame outlives the call that submitted it, so the context is never busy.
     (void)destroy_context(context_);
     destroy_executor(&executor_);
@@ -167,6 +168,41 @@ void Engine::look(const Palette& palette, const glm::vec3& eye, const std::vecto
         gloss.material_of = palette.material_of[m].data();
     }
     light_ = light;
+}
+
+void Engine::group(const std::vector<uint32_t>& objects) {
+    for (size_t m = 0; m < frame_.size(); ++m)
+        frame_[m].object = objects[m];
+}
+
+void Engine::record_visible(Quality quality, uint32_t segments) {
+    destroy_visible_set(context_, visible_);
+    visible_ = nullptr;
+    check(create_visible_set(context_, meshes_.data(), static_cast<uint32_t>(meshes_.size()), quality,
+                             segments, &visible_));
+    visible_role_ = VisibleRole::recorded;
+}
+
+std::string Engine::visible_set() const {
+    std::string bytes(visible_set_bytes(visible_), '\0');
+    check(write_visible_set(visible_, bytes.data(), bytes.size()));
+    return bytes;
+}
+
+void Engine::use_visible(const std::string& bytes, const std::string& name) {
+    VisibleSet* read = nullptr;
+    const Status status = read_visible_set(context_, meshes_.data(), static_cast<uint32_t>(meshes_.size()),
+                                           bytes.data(), bytes.size(), &read);
+    if (!status.ok()) throw Failure(name, status.text);
+    destroy_visible_set(context_, visible_);
+    visible_ = read;
+    visible_role_ = VisibleRole::used;
+}
+
+VisibleSetInfo Engine::visible_info() const {
+    VisibleSetInfo info;
+    check(visible_set_info(visible_, &info));
+    return info;
 }
 
 void Engine::surround(const Image& environment, Quality quality) {
@@ -233,6 +269,9 @@ FrameStats Engine::frame(const scenes::Pose& pose, Quality quality, std::vector<
     FrameDesc desc;
     desc.environment = environment_;
     desc.falloff = falloff_;
+    if (visible_role_ == VisibleRole::recorded) desc.record = visible_;
+    if (visible_role_ == VisibleRole::used) desc.visible = visible_;
+    desc.visible_segment = visible_segment_;
     desc.light = light_.empty() ? nullptr : light_.data();
     desc.meshes = frame_.data();
     desc.mesh_count = static_cast<uint32_t>(frame_.size());
@@ -250,6 +289,11 @@ std::vector<float> Engine::shade(const float light[75], std::vector<float>& tran
     check(nusselt::shade(context_, light, {transfer.data(), albedo.size(), 100}, view(albedo),
                          radiance.data()));
     return radiance;
+}
+
+uint32_t segment_at(double time, double duration, uint32_t segments) {
+    const double part = duration > 0 ? time / duration : 0;
+    return std::min(static_cast<uint32_t>(std::max(part, 0.0) * segments), segments - 1);
 }
 
 std::vector<float> project_environment(const Image& environment, const std::string& name) {

@@ -68,6 +68,20 @@ public:
     // Occlusion of the frames that follow fades with distance.
     void fade(const Falloff& falloff) { falloff_ = falloff; }
 
+    // Which object each mesh belongs to, in the frames that follow (FrameMesh::object).
+    void group(const std::vector<uint32_t>& objects);
+
+    // The frames that follow, at that quality, are recorded into a new visible set of so many segments.
+    void record_visible(Quality quality, uint32_t segments);
+    // The set as a file holds it.
+    std::string visible_set() const;
+    // The frames that follow look at what the file's set holds (`name` for messages), or at all again.
+    void use_visible(const std::string& bytes, const std::string& name);
+    void use_visible(bool wanted) { visible_role_ = wanted ? VisibleRole::used : VisibleRole::none; }
+    VisibleSetInfo visible_info() const;
+    // The segment that frames are recorded into, or look at.
+    void choose_segment(uint32_t segment) { visible_segment_ = segment; }
+
     // The environment of the frames that follow, for direct light at that quality.
     void surround(const Image& environment, Quality quality);
 
@@ -95,7 +109,14 @@ private:
     std::vector<float> light_;
     Environment* environment_ = nullptr;
     Falloff falloff_;
+    enum class VisibleRole { none, recorded, used };
+    VisibleSet* visible_ = nullptr;
+    VisibleRole visible_role_ = VisibleRole::none;
+    uint32_t visible_segment_ = 0;
 };
+
+// Of a clip of that duration, cut into equal segments.
+uint32_t segment_at(double time, double duration, uint32_t segments);
 
 // `environment` in SH: 25 terms of 3 channels. Pixels that aren't finite or negative count as black, and are
 // told on stderr once.

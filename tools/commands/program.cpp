@@ -1,4 +1,5 @@
 #include "tools/commands/commands.h"
+#include "tools/commands/pvs.h"
 #include "tools/commands/study.h"
 
 #include "tools/report/failure.h"
@@ -289,6 +290,33 @@ void parse_and_run(int argc, const char* const* argv) {
         ->type_name("WHICH")
         ->capture_default_str();
 
+    transfer_command
+        ->add_option(
+            "--pvs", transfer.visible_set,
+            "file of `nusselt pvs` with the blockers to look at; made of this model, clip and quality")
+        ->type_name("FILE");
+
+    PvsOptions pvs;
+    Words pvs_words;
+    CLI::App* pvs_command = app.add_subcommand(
+        "pvs", "potentially visible sets of a clip: the blockers that ever matter, as a file for its frames");
+    pvs_command->add_option("model", pvs.model, "glTF or GLB file with an animation")
+        ->type_name("MODEL")
+        ->required();
+    pvs_command->add_option("--out", pvs.out, "the file")->type_name("FILE")->required();
+    pvs_command->add_option("--clip", pvs.clip, "animation by name or number; default: the first")
+        ->type_name("NAME|N");
+    pvs_command
+        ->add_option("--frames", pvs.frames, "moments of the clip that are recorded, its ends included")
+        ->type_name("N")
+        ->capture_default_str();
+    pvs_command
+        ->add_option("--segments", pvs.segments,
+                     "equal parts of the clip with a set each: smaller sets, a larger file")
+        ->type_name("N")
+        ->capture_default_str();
+    add_engine(*pvs_command, pvs_words);
+
     RenderOptions render;
     Words render_words;
     render_words.two_sided = "model";
@@ -429,6 +457,16 @@ void parse_and_run(int argc, const char* const* argv) {
             transfer.streams.push_back(parse_stream(text, "--output"));
         transfer.two_sided = parse_two_sided(transfer_words.two_sided);
         run_transfer(transfer);
+    } else if (pvs_command->parsed()) {
+        pvs.engine = parse_engine(*pvs_command, pvs_words);
+        pvs.quality = parse_quality(pvs_words.quality);
+        if (pvs.quality == Quality::paper)
+            throw Failure("--quality",
+                          "paper has one coarse mesh and no sets; choose draft, standard or fine",
+                          exit_usage);
+        at_least_one("--frames", pvs.frames, most_frames);
+        at_least_one("--segments", pvs.segments, most_segments);
+        run_pvs(pvs);
     } else if (study_command->parsed()) {
         study.engine = parse_engine(*study_command, study_words);
         study.quality = parse_quality(study_words.quality);

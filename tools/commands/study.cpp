@@ -121,6 +121,8 @@ void run_study(const StudyOptions& options) {
     const Table table = topic->run(subject, options);
     out.add(options.topic + ".json", to_json(table, options.topic, subject.name));
     out.add(options.topic + ".txt", to_text(table));
+    for (const auto& [name, bytes] : table.pictures)
+        out.add(name, bytes);
     out.commit();
     std::printf("%s", to_text(table).c_str());
 }

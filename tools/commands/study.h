@@ -5,6 +5,7 @@
 
 #include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace nusselt::tools {
@@ -28,6 +29,7 @@ struct Subject {
 struct Table {
     std::vector<std::string> columns;
     std::vector<std::vector<std::string>> rows;
+    std::vector<std::pair<std::string, std::string>> pictures; // name and bytes, written beside
 };
 std::string to_text(const Table& table);
 std::string to_json(const Table& table, const std::string& topic, const std::string& subject);

@@ -1,5 +1,6 @@
 #include "tools/commands/choice.h"
 #include "tools/commands/commands.h"
+#include "tools/commands/pvs.h"
 #include "tools/report/failure.h"
 #include "tools/report/npy.h"
 #include "tools/report/output.h"
@@ -40,6 +41,10 @@ void run_transfer(const TransferOptions& options) {
     scenes::Pose pose;
     choice.scene.pose(time, pose);
     Engine engine(choice.scene, options.engine, options.model);
+    if (!options.visible_set.empty()) {
+        engine.use_visible(read_set(options.visible_set), options.visible_set);
+        engine.choose_segment(segment_at(time, choice.scene.duration, engine.visible_info().segments));
+    }
     std::vector<float> transfer;
     std::vector<uint32_t> masks;
     std::vector<StreamArray> streams = options.streams;

@@ -256,8 +256,22 @@ typedef struct nusselt_frame_mesh {
     const uint32_t* back_needed;
     const nusselt_output* back_outputs; /* elements of output_size */
     uint32_t back_output_count;
-    uint32_t reserved; /* 0 */
+    uint32_t object; /* meshes of other objects are seen coarsely, as nusselt::FrameMesh::object */
 } nusselt_frame_mesh;
+
+/* As in nusselt/visible_set.h: what matters to a list of meshes, in the order that frames have them. */
+typedef struct nusselt_visible_set nusselt_visible_set;
+nusselt_status nusselt_create_visible_set(nusselt_context* context, const nusselt_mesh* meshes,
+                                          uint32_t mesh_count, uint32_t quality, uint32_t segments,
+                                          nusselt_visible_set** out);
+void nusselt_destroy_visible_set(nusselt_context* context, nusselt_visible_set* set);
+size_t nusselt_visible_set_bytes(const nusselt_visible_set* set);
+nusselt_status nusselt_write_visible_set(const nusselt_visible_set* set, void* data, size_t size);
+nusselt_status nusselt_read_visible_set(nusselt_context* context, const nusselt_mesh* meshes,
+                                        uint32_t mesh_count, const void* data, size_t size,
+                                        nusselt_visible_set** out);
+/* How many segments it has; 0 for null. */
+uint32_t nusselt_visible_set_segments(const nusselt_visible_set* set);
 
 typedef struct nusselt_frame_desc {
     size_t size;
@@ -273,6 +287,9 @@ typedef struct nusselt_frame_desc {
     float falloff_from, falloff_to;         /* as nusselt::Falloff; 0: none */
     const float* light;                     /* 75, for outputs of radiance; may be null */
     const nusselt_environment* environment; /* for outputs of direct light; may be null */
+    const nusselt_visible_set* visible;     /* blockers to look at; null: all */
+    nusselt_visible_set* record;            /* null, or what matters in this frame is added to it */
+    uint32_t visible_segment;               /* of either */
 } nusselt_frame_desc;
 
 typedef struct nusselt_frame_stats {

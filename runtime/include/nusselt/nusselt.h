@@ -36,3 +36,4 @@
 #include "nusselt/version.h"
 #include "nusselt/views.h"
 #include "nusselt/visible.h"
+#include "nusselt/visible_set.h"

@@ -1,0 +1,142 @@
+#include "far.h"
+
+#include "gloss.h"
+#include "objects.h"
+
+#include <cmath>
+#include <cstring>
+
+namespace nusselt {
+
+namespace {
+
+#include "kernels/sh_formulas.inl"
+
+using namespace kernels;
+
+struct Double {
+    double operator()(double value) const { return value; }
+};
+
+constexpr uint32_t most_blocks = 256; // of the finest masks
+constexpr double pi = 3.14159265358979323846;
+
+// A batch whose first six receivers stand at one point and look along the axes.
+void face_batch(const Kernels& k, const float centre[3], Batch& batch) {
+    alignas(64) float normal[3][lanes] = {};
+    for (uint32_t lane = 0; lane < lanes; ++lane) {
+        for (uint32_t i = 0; i < 3; ++i)
+            batch.position[i][lane] = centre[i];
+        normal[lane / 2 % 3][lane] = lane % 2 ? -1.0f : 1.0f;
+    }
+    batch.valid = (1u << far_faces) - 1;
+    k.prepare_batch(batch, normal);
+}
+
+} // namespace
+
+size_t far_table_size(const MaskLayout& layout) {
+    return size_t(far_faces) * mask_blocks(layout) * far_stride;
+}
+
+void build_far_table(const MaskLayout& layout, float* table) {
+    Batch batch{};
+    const float centre[3] = {};
+    face_batch(*kernels_for(Set::scalar), centre, batch);
+    std::memset(table, 0, far_table_size(layout) * sizeof(float));
+    // Bits have the same part of the disk, pi / bits, and more of the sphere the lower they lie. All together
+    // they are the sphere.
+    double sphere = 0, sums[far_entries];
+    for (int pass = 0; pass < 2; ++pass) {
+        for (uint32_t face = 0; face < far_faces; ++face) {
+            for (uint32_t block = 0; block < mask_blocks(layout); ++block) {
+                std::memset(sums, 0, sizeof(sums));
+                for (uint32_t bit = block * 16; bit < block * 16 + 16; ++bit) {
+                    double local[3], d[3], basis[25];
+                    if (!sample_direction(layout, bit, local)) continue;
+                    if (std::fabs(local[0]) > local[2] || std::fabs(local[1]) > local[2]) continue;
+                    const double area = pi / mask_bits(layout) / local[2];
+                    if (pass == 0) {
+                        sphere += area;
+                        continue;
+                    }
+                    for (uint32_t i = 0; i < 3; ++i)
+                        d[i] = local[0] * double(batch.axis[0][i][face]) +
+                               local[1] * double(batch.axis[1][i][face]) +
+                               local[2] * double(batch.axis[2][i][face]);
+                    sh_basis(Double(), d[0], d[1], d[2], basis);
+                    const double weight = area * (4 * pi / sphere) / 16; // of a sixteenth of the block
+                    for (uint32_t i = 0, at = 0; i < 25; ++i) {
+                        for (uint32_t j = i; j < 25; ++j)
+                            sums[at++] += weight * basis[i] * basis[j];
+                    }
+                }
+                float* out = table + (size_t(face) * mask_blocks(layout) + block) * far_stride;
+                for (uint32_t at = 0; pass == 1 && at < far_entries; ++at)
+                    out[at] = static_cast<float>(sums[at]);
+            }
+        }
+    }
+}
+
+bool may_look_far(const Frame& frame, const MeshSlice& slice) {
+    if (!frame.proxies || frame.has_history || frame.shells.count > 0 || slice.in.masks.data) return false;
+    for (uint32_t k = 0; k < slice.in.output_count; ++k) {
+        if (frame.outputs[slice.first_output + k].encoding.quantity >= Quantity::glossy) return false;
+    }
+    return true;
+}
+
+void look_far(Frame& frame, const ReceiverBounds& receivers, Worker& worker) {
+    const Kernels& k = *frame.kernels;
+    const Tables& tables = *frame.tables;
+    Batch& batch = worker.far_batch;
+    face_batch(k, receivers.centre, batch);
+    std::memset(worker.masks.data(), 0, size_t(lanes) * mask_bytes(tables.layout));
+    JobList jobs = job_list(worker);
+    uint32_t selected = 0;
+    for (uint32_t i = 0; i < worker.far_count; ++i)
+        selected += select_proxies(frame, worker.far_meshes[i], batch.bounds,
+                                   worker.selected.data() + selected, worker.tally.clusters_tested);
+    worker.tally.clusters_rasterized += selected;
+    for (uint32_t i = 0; i < selected; ++i) {
+        const uint32_t c = worker.selected[i];
+        const float* points =
+            frame.points.data() + 4 * size_t(frame.meshes[frame.cluster_mesh[c]].first_point);
+        k.cluster_jobs(batch, frame.views[c], points, tables.layout, tables.horizon, worker.scratch[0], jobs,
+                       worker.tally.counters);
+        if (jobs.count >= job_flush) k.run_jobs(tables, jobs, worker.masks.data());
+    }
+    k.run_jobs(tables, jobs, worker.masks.data());
+
+    const uint32_t blocks = mask_blocks(tables.layout);
+    alignas(64) float hidden[far_stride] = {};
+    uint8_t counts[most_blocks];
+    for (uint32_t face = 0; face < far_faces; ++face) {
+        k.downsample(worker.masks.data() + size_t(face) * mask_bytes(tables.layout), blocks, counts);
+        const float* table = frame.far_table + size_t(face) * blocks * far_stride;
+        for (uint32_t block = 0; block < blocks; ++block, table += far_stride) {
+            if (counts[block] == 0) continue;
+            const float count = float(counts[block]);
+            for (uint32_t at = 0; at < far_stride; ++at)
+                hidden[at] += count * table[at];
+        }
+    }
+    for (uint32_t i = 0, at = 0; i < 25; ++i) {
+        for (uint32_t j = i; j < 25; ++j, ++at)
+            worker.far_matrix[i][j] = worker.far_matrix[j][i] = (i == j ? 1.0f : 0.0f) - hidden[at];
+    }
+}
+
+void multiply_far(Worker& worker) {
+    alignas(64) float product[25][lanes] = {};
+    for (uint32_t i = 0; i < 25; ++i) {
+        for (uint32_t j = 0; j < 25; ++j) {
+            for (uint32_t lane = 0; lane < lanes; ++lane)
+                product[i][lane] += worker.far_matrix[i][j] * worker.turned[j][lane];
+        }
+    }
+    std::memcpy(worker.turned, product, sizeof(product));
+}
+
+} // namespace nusselt

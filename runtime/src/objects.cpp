@@ -1,0 +1,201 @@
+#include "objects.h"
+
+#include "refit.h"
+
+#include <algorithm>
+#include <cfloat>
+#include <cmath>
+
+namespace nusselt {
+
+namespace {
+
+using namespace kernels;
+
+constexpr uint32_t few_parts = 64;
+
+// A sphere around spheres: the middle of their box, as far as the farthest reaches.
+void bound_clusters(const Frame& frame, uint32_t begin, uint32_t end, float centre[3], float& radius) {
+    float low[3] = {FLT_MAX, FLT_MAX, FLT_MAX}, high[3] = {-FLT_MAX, -FLT_MAX, -FLT_MAX};
+    for (uint32_t c = begin; c < end; ++c) {
+        for (uint32_t k = 0; k < 3; ++k) {
+            low[k] = std::min(low[k], frame.centre[k].data()[c] - frame.radius.data()[c]);
+            high[k] = std::max(high[k], frame.centre[k].data()[c] + frame.radius.data()[c]);
+        }
+    }
+    for (uint32_t k = 0; k < 3; ++k)
+        centre[k] = begin < end ? 0.5f * low[k] + 0.5f * high[k] : 0.0f;
+    radius = 0;
+    for (uint32_t c = begin; c < end; ++c) {
+        float square = 0;
+        for (uint32_t k = 0; k < 3; ++k) {
+            const float d = frame.centre[k].data()[c] - centre[k];
+            square += d * d;
+        }
+        radius = std::max(radius, std::sqrt(square) + frame.radius.data()[c]);
+    }
+    radius *= 1.00001f;
+}
+
+// The levels from cluster `first` on, with what their clusters' bands have in common.
+void band_levels(const Frame& frame, const Clusters& clusters, uint32_t first, LevelBands& out) {
+    out.count = 0;
+    for (uint32_t c = 0; c < clusters.count(); ++c) {
+        if (c == 0 || clusters.level[c] != clusters.level[c - 1])
+            out.levels[out.count++] = {first + c, first + c, FLT_MAX, 0};
+        LevelBands::Level& level = out.levels[out.count - 1];
+        ++level.end;
+        level.nearest = std::min(level.nearest, frame.nearest.data()[first + c]);
+        level.farthest = std::max(level.farthest, frame.farthest.data()[first + c]);
+    }
+}
+
+// The clusters of mesh m once more, for receivers of other objects.
+void copy_proxies(Frame& frame, uint32_t m) {
+    const MeshSlice& slice = frame.meshes[m];
+    const uint32_t count = slice.clusters->count(), from = slice.first_cluster,
+                   to = frame.cluster_count + slice.first_cluster;
+    for (FloatArray* array :
+         {&frame.centre[0], &frame.centre[1], &frame.centre[2], &frame.radius, &frame.cone[0], &frame.cone[1],
+          &frame.cone[2], &frame.cone_cos, &frame.cone_sin, &frame.triangle_radius})
+        std::copy_n(array->data() + from, count, array->data() + to);
+    choose_proxy_bands(frame, slice, frame.nearest.data() + to, frame.farthest.data() + to);
+    for (uint32_t c = 0; c < count; ++c) {
+        frame.views[to + c] = frame.views[from + c];
+        frame.views[to + c].nearest = frame.nearest.data()[to + c];
+        frame.views[to + c].farthest = frame.farthest.data()[to + c];
+    }
+}
+
+// The bounds of the clusters from `first` on.
+ClusterBounds from_cluster(const ClusterBounds& all, uint32_t first, uint32_t count) {
+    return {{all.centre[0] + first, all.centre[1] + first, all.centre[2] + first},
+            all.radius + first,
+            {all.cone[0] + first, all.cone[1] + first, all.cone[2] + first},
+            all.cone_cos + first,
+            all.cone_sin + first,
+            all.nearest + first,
+            all.farthest + first,
+            count};
+}
+
+// How far the middles of two spheres lie apart, and how near they may come to one another beside.
+struct Apart {
+    float distance, reach;
+};
+Apart apart(const float* const centre[3], const float* radius, uint32_t at, const ReceiverBounds& receivers) {
+    float square = 0;
+    for (uint32_t axis = 0; axis < 3; ++axis) {
+        const float d = centre[axis][at] - receivers.centre[axis];
+        square += d * d;
+    }
+    // As select_clusters bounds a cluster, and a little more.
+    const float distance = std::sqrt(square);
+    return {distance, 1.0001f * (radius[at] + receivers.radius) + 1e-5f * distance};
+}
+
+Apart apart_from_mesh(const Frame& frame, uint32_t m, const ReceiverBounds& receivers) {
+    const ClusterBounds bounds = frame.mesh_bounds.view(0);
+    return apart(bounds.centre, bounds.radius, m, receivers);
+}
+
+// The clusters of a mesh's levels, in their bands, that can reach the receivers.
+uint32_t select_levels(const Frame& frame, uint32_t m, const LevelBands& bands,
+                       const ReceiverBounds& receivers, uint32_t* selected, uint64_t& tested) {
+    const Apart mesh = apart_from_mesh(frame, m, receivers);
+    uint32_t count = 0;
+    for (uint32_t l = 0; l < bands.count; ++l) {
+        const LevelBands::Level& level = bands.levels[l];
+        if (mesh.distance - mesh.reach >= level.farthest || mesh.distance + mesh.reach < level.nearest)
+            continue;
+        const ClusterBounds bounds = from_cluster(frame.cluster_bounds, level.begin, level.end - level.begin);
+        uint32_t* const out = selected + count;
+        const uint32_t own = frame.kernels->select_clusters(receivers, bounds, nullptr, bounds.count,
+                                                            frame.tables->horizon, out, &tested);
+        for (uint32_t j = 0; j < own; ++j)
+            out[j] += level.begin;
+        count += own;
+    }
+    return count;
+}
+
+// Too small, from there, to matter.
+bool is_small(const Frame& frame, uint32_t m, const ReceiverBounds& receivers) {
+    const Apart mesh = apart_from_mesh(frame, m, receivers);
+    return frame.mesh_bounds.radius.data()[m] < frame.quality.proxy_least * (mesh.distance - mesh.reach);
+}
+
+// So far that all receivers see it where their middle does: no part is nearer to one of them than
+// quality.far_gap times the radius of all.
+bool is_far(const Frame& frame, uint32_t m, const ReceiverBounds& receivers) {
+    const float gap = frame.quality.far_gap * receivers.radius;
+    const Apart mesh = apart_from_mesh(frame, m, receivers);
+    if (mesh.distance - mesh.reach >= gap) return true;
+    // The sphere around a body is mostly empty: its parts, at the first level that has few.
+    const LevelBands& bands = frame.level_bands[m];
+    uint32_t l = 0;
+    while (l + 1 < bands.count && bands.levels[l].end - bands.levels[l].begin > few_parts)
+        ++l;
+    const ClusterBounds& all = frame.cluster_bounds;
+    for (uint32_t c = bands.levels[l].begin; c < bands.levels[l].end; ++c) {
+        const Apart part = apart(all.centre, all.radius, c, receivers);
+        if (part.distance - part.reach < gap) return false;
+    }
+    return true;
+}
+
+} // namespace
+
+bool needs_proxies(const Frame& frame) {
+    if (frame.quality.paper) return false;
+    const auto other = [&](const MeshSlice& s) { return s.in.object != frame.meshes[0].in.object; };
+    return std::any_of(frame.meshes.begin(), frame.meshes.end(), other);
+}
+
+void bound_mesh(Frame& frame, uint32_t m) {
+    const MeshSlice& slice = frame.meshes[m];
+    const uint32_t first = slice.first_cluster, count = slice.clusters->count();
+    float centre[3];
+    bound_clusters(frame, first, first + count, centre, frame.mesh_bounds.radius.data()[m]);
+    for (uint32_t k = 0; k < 3; ++k)
+        frame.mesh_bounds.centre[k].data()[m] = centre[k];
+    frame.mesh_bounds.cone_cos.data()[m] = -1;
+    frame.mesh_bounds.farthest.data()[m] = FLT_MAX;
+    band_levels(frame, *slice.clusters, first, frame.level_bands[m]);
+    if (!frame.proxies) return;
+    copy_proxies(frame, m);
+    band_levels(frame, *slice.clusters, frame.cluster_count + first, frame.level_bands[frame.mesh_count + m]);
+}
+
+uint32_t select_proxies(const Frame& frame, uint32_t m, const ReceiverBounds& receivers, uint32_t* selected,
+                        uint64_t& tested) {
+    return select_levels(frame, m, frame.level_bands[frame.mesh_count + m], receivers, selected, tested);
+}
+
+uint32_t select_candidates(const Frame& frame, const MeshSlice& slice, const ReceiverBounds& receivers,
+                           const ReceiverBounds& home, Worker& worker) {
+    const Kernels& k = *frame.kernels;
+    const uint32_t meshes = frame.mesh_count;
+    uint64_t tested = 0;
+    const uint32_t seen = k.select_clusters(home, frame.mesh_bounds.view(meshes), nullptr, meshes,
+                                            frame.tables->horizon, worker.meshes.data(), &tested);
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < seen; ++i) {
+        const uint32_t m = worker.meshes[i];
+        uint32_t* const out = worker.candidates.data() + count;
+        if (!frame.proxies || frame.meshes[m].in.object == slice.in.object) {
+            count +=
+                select_levels(frame, m, frame.level_bands[m], receivers, out, worker.tally.clusters_tested);
+        } else if (!frame.has_history && is_small(frame, m, home)) {
+            // With a history it would come and go as receivers move that others are kept beside.
+            continue;
+        } else if (slice.looks_far && is_far(frame, m, home)) {
+            worker.far_meshes[worker.far_count++] = m;
+        } else {
+            count += select_proxies(frame, m, receivers, out, worker.tally.clusters_tested);
+        }
+    }
+    return count;
+}
+
+} // namespace nusselt
