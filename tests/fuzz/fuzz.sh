@@ -38,7 +38,7 @@ for target in "${targets[@]}"; do
     fi
     start=$SECONDS
     # A crash of the kind that was planted, and not a program that does not start.
-    if ! "${run[@]}" "$build/fuzz/planted_$target" "${options[@]}" -max_total_time=$((seconds > 60 ? seconds : 60)) -seed=1 \
+    if ! "${run[@]}" "$build/fuzz/planted_$target" "${options[@]}" -max_total_time=$((seconds > 180 ? seconds : 180)) -seed=1 \
         -artifact_prefix="$work/planted/$target/" "$work/planted_corpus/$target" "$here/seeds/$target" >"$work/planted_$target.log" 2>&1 &&
         grep -q '^SUMMARY: ' "$work/planted_$target.log"; then
         planted="in $((SECONDS - start)) s"
