@@ -1,9 +1,6 @@
 // Which instruction sets this processor and its operating system really run. Our own cpuid, so that nothing
 // of the SIMD library's dispatch is linked and no global state is shared with another user of it in the
 // process.
-#include "kernels/kernels.h"
-#include "kernels/light_sets.h"
-#include "kernels/outputs_sets.h"
 #include "kernels/reference.h"
 #include "kernels/simd.h"
 
@@ -13,9 +10,9 @@
 
 namespace nusselt::kernels {
 
-#if defined(__x86_64__)
 namespace {
 
+#if defined(__x86_64__)
 struct Features {
     bool sse4 = false, avx2 = false, avx512 = false;
 };
@@ -46,58 +43,36 @@ Features detect() {
     return f;
 }
 
-} // namespace
 #endif
+
+// What SIMD sources are compiled for and the processor runs.
+bool runs(Set set) {
+#if defined(__x86_64__)
+    static const Features features = detect();
+    return (set == Set::sse4 && features.sse4) || (set == Set::avx2 && features.avx2) ||
+           (set == Set::avx512 && features.avx512);
+#elif defined(__aarch64__)
+    return set == Set::neon; // part of the architecture
+#else
+    return false;
+#endif
+}
+
+} // namespace
 
 const Kernels* kernels_for(Set set) {
     if (set == Set::scalar) return &reference_kernels;
-#if defined(__x86_64__)
-    static const Features features = detect();
-    if (set == Set::sse4 && features.sse4) return sse4_kernels();
-    if (set == Set::avx2 && features.avx2) return avx2_kernels();
-    if (set == Set::avx512 && features.avx512) return avx512_kernels();
-#elif defined(__aarch64__)
-    if (set == Set::neon) return neon_kernels(); // part of the architecture
-#endif
-    return nullptr;
+    return runs(set) ? simd_kernels(set) : nullptr;
 }
 
 const OutputKernels* output_kernels_for(Set set) {
-    if (!kernels_for(set)) return nullptr;
-    switch (set) {
-#if defined(__x86_64__)
-    case Set::sse4:
-        return sse4_output_kernels();
-    case Set::avx2:
-        return avx2_output_kernels();
-    case Set::avx512:
-        return avx512_output_kernels();
-#elif defined(__aarch64__)
-    case Set::neon:
-        return neon_output_kernels();
-#endif
-    default:
-        return &reference_output_kernels;
-    }
+    if (set == Set::scalar) return &reference_output_kernels;
+    return runs(set) ? simd_output_kernels(set) : nullptr;
 }
 
 const LightKernels* light_kernels_for(Set set) {
-    if (!kernels_for(set)) return nullptr;
-    switch (set) {
-#if defined(__x86_64__)
-    case Set::sse4:
-        return sse4_light_kernels();
-    case Set::avx2:
-        return avx2_light_kernels();
-    case Set::avx512:
-        return avx512_light_kernels();
-#elif defined(__aarch64__)
-    case Set::neon:
-        return neon_light_kernels();
-#endif
-    default:
-        return &reference_light_kernels;
-    }
+    if (set == Set::scalar) return &reference_light_kernels;
+    return runs(set) ? simd_light_kernels(set) : nullptr;
 }
 
 } // namespace nusselt::kernels

@@ -1,5 +1,5 @@
 // The scalar reference of the light kernels.
-#include "kernels/light_sets.h"
+#include "kernels/reference.h"
 
 #include <cmath>
 

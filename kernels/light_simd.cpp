@@ -1,6 +1,6 @@
 // The light kernels for SSE4, AVX2 and AVX-512, or NEON: one source, bit for bit equal to
 // light_reference.cpp.
-#include "kernels/light_sets.h"
+#include "kernels/simd.h"
 
 #include <cstring>
 
@@ -316,8 +316,7 @@ void integrate_sky(const Tables& tables, const CellTables& cells, const SkyMap& 
 
 } // namespace
 
-extern const LightKernels light_table;
-const LightKernels light_table = {shade_batch, integrate_glossy, integrate_sky};
+const LightKernels table = {shade_batch, integrate_glossy, integrate_sky};
 
 } // namespace HWY_NAMESPACE
 } // namespace nusselt::kernels
@@ -326,34 +325,9 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace nusselt::kernels {
 
-// As in simd.cpp: null where the compiler lacks the set.
-#if HWY_ARCH_X86
-const LightKernels* sse4_light_kernels() {
-#if HWY_TARGETS & HWY_SSE4
-    return &N_SSE4::light_table;
-#else
-    return nullptr;
-#endif
+const LightKernels* simd_light_kernels(Set set) {
+#include "kernels/simd_sets.inl"
 }
-const LightKernels* avx2_light_kernels() {
-#if HWY_TARGETS & HWY_AVX2
-    return &N_AVX2::light_table;
-#else
-    return nullptr;
-#endif
-}
-const LightKernels* avx512_light_kernels() {
-#if HWY_TARGETS & HWY_AVX3
-    return &N_AVX3::light_table;
-#else
-    return nullptr;
-#endif
-}
-#else
-const LightKernels* neon_light_kernels() {
-    return &N_NEON::light_table;
-}
-#endif
 
 } // namespace nusselt::kernels
 #endif

@@ -1,6 +1,6 @@
 // The scalar reference of the output kernels.
 #include "kernels/half.h"
-#include "kernels/outputs_sets.h"
+#include "kernels/reference.h"
 
 #include <cmath>
 #include <cstring>

@@ -1,6 +1,6 @@
 // The output kernels for SSE4, AVX2 and AVX-512, or NEON: one source, bit for bit equal to
 // outputs_reference.cpp.
-#include "kernels/outputs_sets.h"
+#include "kernels/simd.h"
 
 #include <cstring>
 
@@ -170,8 +170,7 @@ void encode(const Encoding& encoding, const Batch& batch, const float transfer[2
 
 } // namespace
 
-extern const OutputKernels output_table;
-const OutputKernels output_table = {encode};
+const OutputKernels table = {encode};
 
 } // namespace HWY_NAMESPACE
 } // namespace nusselt::kernels
@@ -180,34 +179,9 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace nusselt::kernels {
 
-// As in simd.cpp: null where the compiler lacks the set.
-#if HWY_ARCH_X86
-const OutputKernels* sse4_output_kernels() {
-#if HWY_TARGETS & HWY_SSE4
-    return &N_SSE4::output_table;
-#else
-    return nullptr;
-#endif
+const OutputKernels* simd_output_kernels(Set set) {
+#include "kernels/simd_sets.inl"
 }
-const OutputKernels* avx2_output_kernels() {
-#if HWY_TARGETS & HWY_AVX2
-    return &N_AVX2::output_table;
-#else
-    return nullptr;
-#endif
-}
-const OutputKernels* avx512_output_kernels() {
-#if HWY_TARGETS & HWY_AVX3
-    return &N_AVX3::output_table;
-#else
-    return nullptr;
-#endif
-}
-#else
-const OutputKernels* neon_output_kernels() {
-    return &N_NEON::output_table;
-}
-#endif
 
 } // namespace nusselt::kernels
 #endif

@@ -859,7 +859,6 @@ constexpr const char* set_name() {
 
 } // namespace
 
-extern const Kernels table;
 const Kernels table = {set_name(), prepare_batch, select_clusters, cluster_jobs, triangle_jobs,
                        fan_jobs,   select_along,  count_crossings, run_jobs,     integrate,
                        rotate,     downsample,    shade,           evaluate_sh};
@@ -871,34 +870,9 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace nusselt::kernels {
 
-// Highway leaves out what lies below the flags that the file is compiled with, and what a compiler lacks.
-#if HWY_ARCH_X86
-const Kernels* sse4_kernels() {
-#if HWY_TARGETS & HWY_SSE4
-    return &N_SSE4::table;
-#else
-    return nullptr;
-#endif
+const Kernels* simd_kernels(Set set) {
+#include "kernels/simd_sets.inl"
 }
-const Kernels* avx2_kernels() {
-#if HWY_TARGETS & HWY_AVX2
-    return &N_AVX2::table;
-#else
-    return nullptr;
-#endif
-}
-const Kernels* avx512_kernels() {
-#if HWY_TARGETS & HWY_AVX3
-    return &N_AVX3::table;
-#else
-    return nullptr;
-#endif
-}
-#else
-const Kernels* neon_kernels() {
-    return &N_NEON::table;
-}
-#endif
 
 } // namespace nusselt::kernels
 #endif

@@ -1,13 +1,15 @@
-// The SIMD tables, one source (simd.cpp) compiled for each instruction set. Null where the build lacks it.
+// The SIMD tables, one source each (simd.cpp, outputs_simd.cpp, light_simd.cpp) compiled for every
+// instruction set. Null where the build lacks the set; whether the processor has it is dispatch.cpp's to
+// know.
 #pragma once
 
-#include "kernels/kernels.h"
+#include "kernels/light.h"
+#include "kernels/outputs.h"
 
 namespace nusselt::kernels {
 
-const Kernels* sse4_kernels();
-const Kernels* avx2_kernels();
-const Kernels* avx512_kernels();
-const Kernels* neon_kernels(); // on aarch64; the others on x86-64
+const Kernels* simd_kernels(Set set);
+const OutputKernels* simd_output_kernels(Set set);
+const LightKernels* simd_light_kernels(Set set);
 
 } // namespace nusselt::kernels
