@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cfloat>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
 #include <map>
 
@@ -324,6 +325,15 @@ std::vector<std::array<uint32_t, 4>> Jobs::sorted() const {
         all.push_back({list.destination[j], list.plane[0][j], list.plane[1][j], list.plane[2][j]});
     std::sort(all.begin(), all.end());
     return all;
+}
+
+std::optional<Set> set_to_test() {
+    const char* const wanted = std::getenv("NUSSELT_TEST_SET");
+    for (uint32_t i = 0; wanted && i < set_count; ++i) {
+        const Kernels* const kernels = kernels_for(Set(i));
+        if (kernels && std::strcmp(kernels->name, wanted) == 0) return Set(i);
+    }
+    return {};
 }
 
 bool same_bits(const void* a, const void* b, size_t bytes) {

@@ -8,6 +8,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <random>
 #include <string>
 #include <vector>
@@ -83,6 +84,10 @@ struct Jobs {
     // Sorted, so that order does not matter.
     std::vector<std::array<uint32_t, 4>> sorted() const;
 };
+
+// The instruction set NUSSELT_TEST_SET; nothing where it is not set or does not run here, which sets_test.cpp
+// judges.
+std::optional<kernels::Set> set_to_test();
 
 bool same_bits(const void* a, const void* b, size_t bytes);
 

@@ -4,7 +4,6 @@
 #include "tests/kernels/fixture.h"
 
 #include <cmath>
-#include <cstdlib>
 #include <cstring>
 
 namespace nusselt::test {
@@ -179,13 +178,10 @@ TEST(Encode, AmbientOcclusionAndBentNormal) {
 class OutputSets : public testing::Test {
 protected:
     void SetUp() override {
-        const char* wanted = std::getenv("NUSSELT_TEST_SET");
-        if (!wanted) GTEST_SKIP() << "NUSSELT_TEST_SET is not set";
-        for (uint32_t i = 0; i < set_count; ++i) {
-            const Kernels* set = kernels_for(Set(i));
-            if (set && std::strcmp(set->name, wanted) == 0) k = output_kernels_for(Set(i));
-        }
-        if (!k) GTEST_SKIP() << "SKIPPED: this processor has no " << wanted;
+        const std::optional<Set> set = set_to_test();
+        if (!set) GTEST_SKIP() << "SKIPPED: NUSSELT_TEST_SET names no set that runs here";
+        k = output_kernels_for(*set);
+        ASSERT_NE(k, nullptr);
     }
     const OutputKernels* k = nullptr;
 };

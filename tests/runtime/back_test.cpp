@@ -12,10 +12,6 @@ namespace {
 
 using Stream = nusselt::Output;
 
-Vec3View view(const std::vector<glm::vec3>& v) {
-    return {&v[0].x, v.size(), sizeof(glm::vec3)};
-}
-
 std::vector<Posed> turned_over(std::vector<Posed> meshes) {
     for (Posed& mesh : meshes) {
         for (glm::vec3& n : mesh.normals)

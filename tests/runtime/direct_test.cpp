@@ -15,10 +15,6 @@ using Stream = nusselt::Output;
 constexpr double pi = 3.14159265358979323846;
 constexpr uint32_t width = 512, height = 256;
 
-Vec3View view(const std::vector<glm::vec3>& v) {
-    return {&v[0].x, v.size(), sizeof(glm::vec3)};
-}
-
 struct Sky {
     Context* context;
     Environment* environment = nullptr;
@@ -70,12 +66,7 @@ std::vector<glm::vec3> run(Context* context, const std::vector<Posed>& meshes, c
     s.kind = OutputKind::direct;
     s.data = radiance.data();
     s.count = radiance.size();
-    std::vector<FrameMesh> frame(meshes.size());
-    for (size_t m = 0; m < meshes.size(); ++m) {
-        frame[m].mesh = meshes[m].mesh;
-        frame[m].positions = view(meshes[m].positions);
-        frame[m].normals = view(meshes[m].normals);
-    }
+    std::vector<FrameMesh> frame = frame_of(meshes);
     frame[0].outputs = &s;
     frame[0].output_count = 1;
     frame[0].gloss = gloss;
@@ -144,11 +135,7 @@ TEST(Direct, ASunGivesItsCosine) {
 TEST(Direct, AWallCastsAnEdge) {
     Engine engine;
     const scenes::Mesh receiver = points({{0, 0, 0}}, {{0, 0, 1}});
-    scenes::Mesh wall; // hides x > 0
-    wall.rest_positions = {
-        {0.02f, -1000, -1000}, {0.02f, 1000, -1000}, {0.02f, 1000, 1000}, {0.02f, -1000, 1000}};
-    wall.rest_normals.assign(4, {-1, 0, 0});
-    wall.indices = {0, 1, 2, 0, 2, 3};
+    const scenes::Mesh wall = wall_beside();
     const std::vector<Posed> meshes = {at_rest(add(engine.context, receiver), receiver),
                                        at_rest(add(engine.context, wall), wall)};
     for (const float degrees : {-60.0f, -30.0f, -10.0f, 10.0f, 30.0f, 60.0f}) {

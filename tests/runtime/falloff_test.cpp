@@ -12,10 +12,6 @@ namespace {
 
 using Stream = nusselt::Output;
 
-Vec3View view(const std::vector<glm::vec3>& v) {
-    return {&v[0].x, v.size(), sizeof(glm::vec3)};
-}
-
 // Ambient occlusion of the first mesh.
 std::vector<float> run(Context* context, const std::vector<Posed>& meshes, const Falloff& falloff,
                        StatusCode wanted = StatusCode::ok, Quality quality = Quality::standard) {
@@ -24,12 +20,7 @@ std::vector<float> run(Context* context, const std::vector<Posed>& meshes, const
     s.kind = OutputKind::ambient_occlusion;
     s.data = seen.data();
     s.count = seen.size();
-    std::vector<FrameMesh> frame(meshes.size());
-    for (size_t m = 0; m < meshes.size(); ++m) {
-        frame[m].mesh = meshes[m].mesh;
-        frame[m].positions = view(meshes[m].positions);
-        frame[m].normals = view(meshes[m].normals);
-    }
+    std::vector<FrameMesh> frame = frame_of(meshes);
     frame[0].outputs = &s;
     frame[0].output_count = 1;
     FrameDesc desc;

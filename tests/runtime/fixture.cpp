@@ -32,13 +32,9 @@ std::vector<Isa> available_isas() {
     return all;
 }
 
-namespace {
-
 Vec3View view(const std::vector<glm::vec3>& v) {
     return {v.empty() ? nullptr : &v[0].x, v.size(), sizeof(glm::vec3)};
 }
-
-} // namespace
 
 MeshId add(Context* context, const scenes::Mesh& mesh) {
     MeshId id;
@@ -87,7 +83,7 @@ Outputs run_frame(Context* context, const std::vector<Posed>& meshes, FrameDesc 
     Outputs out;
     out.meshes.resize(meshes.size());
     out.backs.resize(meshes.size());
-    std::vector<FrameMesh> frame(meshes.size());
+    std::vector<FrameMesh> frame = frame_of(meshes);
     const auto prepare = [&](Output& o, size_t count, TransferView& transfer, MaskView& masks) {
         o.transfer.resize(count);
         for (auto& t : o.transfer)
@@ -98,10 +94,6 @@ Outputs run_frame(Context* context, const std::vector<Posed>& meshes, FrameDesc 
     };
     for (size_t i = 0; i < meshes.size(); ++i) {
         const Posed& m = meshes[i];
-        frame[i].mesh = m.mesh;
-        frame[i].positions = view(m.positions);
-        frame[i].normals = view(m.normals);
-        frame[i].object = m.object;
         frame[i].needed = m.needed.empty() ? nullptr : m.needed.data();
         frame[i].back.needed = m.back_needed.empty() ? nullptr : m.back_needed.data();
         if (m.receives) prepare(out.meshes[i], m.positions.size(), frame[i].transfer, frame[i].masks);
@@ -141,6 +133,26 @@ Outputs run_scene(Context* context, const scenes::Scene& scene, double time, Qua
     for (const MeshId id : ids)
         EXPECT_TRUE(remove_mesh(context, id).ok());
     return out;
+}
+
+std::vector<FrameMesh> frame_of(const std::vector<Posed>& meshes) {
+    std::vector<FrameMesh> frame(meshes.size());
+    for (size_t m = 0; m < meshes.size(); ++m) {
+        frame[m].mesh = meshes[m].mesh;
+        frame[m].positions = view(meshes[m].positions);
+        frame[m].normals = view(meshes[m].normals);
+        frame[m].object = meshes[m].object;
+    }
+    return frame;
+}
+
+scenes::Mesh wall_beside() {
+    scenes::Mesh wall;
+    wall.rest_positions = {
+        {0.02f, -1000, -1000}, {0.02f, 1000, -1000}, {0.02f, 1000, 1000}, {0.02f, -1000, 1000}};
+    wall.rest_normals.assign(4, {-1, 0, 0});
+    wall.indices = {0, 1, 2, 0, 2, 3};
+    return wall;
 }
 
 Posed at_rest(MeshId id, const scenes::Mesh& mesh) {

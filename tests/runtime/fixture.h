@@ -29,6 +29,7 @@ struct Engine {
 ContextDesc with_isa(Isa isa);
 std::vector<Isa> available_isas();
 
+Vec3View view(const std::vector<glm::vec3>& v); // valid as long as the vector stays as it is
 MeshId add(Context* context, const scenes::Mesh& mesh);
 
 // What a frame is given, and what it gives.
@@ -65,6 +66,10 @@ Outputs run_scene(Context* context, const scenes::Scene& scene, double time,
 
 // As it stands, in its rest pose.
 Posed at_rest(MeshId id, const scenes::Mesh& mesh);
+// Their meshes, positions, normals and objects; nothing receives yet. Looks into `meshes`.
+std::vector<FrameMesh> frame_of(const std::vector<Posed>& meshes);
+// Hides x > 0 from a receiver at the origin, nearly all of it.
+scenes::Mesh wall_beside();
 Outputs run_at_rest(Context* context, const std::vector<scenes::Mesh>& meshes,
                     Quality quality = Quality::standard);
 

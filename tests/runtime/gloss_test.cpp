@@ -16,10 +16,6 @@ using Vector75 = std::array<float, 75>;
 constexpr double pi = 3.14159265358979323846;
 constexpr double y00 = 0.28209479177387814, y10 = 0.4886025119029199;
 
-Vec3View view(const std::vector<glm::vec3>& v) {
-    return {&v[0].x, v.size(), sizeof(glm::vec3)};
-}
-
 struct Result {
     Status status;
     std::vector<Vector75> glossy;
@@ -46,12 +42,7 @@ Result run(Context* context, const std::vector<Posed>& meshes, const Gloss* glos
         s.data = r.radiance.data();
         streams.push_back(s);
     }
-    std::vector<FrameMesh> frame(meshes.size());
-    for (size_t m = 0; m < meshes.size(); ++m) {
-        frame[m].mesh = meshes[m].mesh;
-        frame[m].positions = view(meshes[m].positions);
-        frame[m].normals = view(meshes[m].normals);
-    }
+    std::vector<FrameMesh> frame = frame_of(meshes);
     frame[0].outputs = streams.data();
     frame[0].output_count = uint32_t(streams.size());
     frame[0].gloss = gloss;
@@ -159,11 +150,7 @@ TEST(Gloss, OpenGgxIsGltfs) {
 TEST(Gloss, AWallInTheMirrorsDirectionHidesTheLobe) {
     Engine engine;
     const scenes::Mesh receiver = points({{0, 0, 0}}, {{0, 0, 1}});
-    scenes::Mesh wall; // hides x > 0
-    wall.rest_positions = {
-        {0.02f, -1000, -1000}, {0.02f, 1000, -1000}, {0.02f, 1000, 1000}, {0.02f, -1000, 1000}};
-    wall.rest_normals.assign(4, {-1, 0, 0});
-    wall.indices = {0, 1, 2, 0, 2, 3};
+    const scenes::Mesh wall = wall_beside();
     const std::vector<Posed> meshes = {at_rest(add(engine.context, receiver), receiver),
                                        at_rest(add(engine.context, wall), wall)};
     const Material material = phong(100, 0, 1);

@@ -59,15 +59,11 @@ double difference(const Outputs& a, const Outputs& b) {
 Outputs run_far(Context* context, const std::vector<Posed>& meshes, FrameDesc settings = {}) {
     Outputs out;
     out.meshes.resize(meshes.size());
-    std::vector<FrameMesh> frame(meshes.size());
+    std::vector<FrameMesh> frame = frame_of(meshes);
     for (size_t m = 0; m < meshes.size(); ++m) {
         const Posed& p = meshes[m];
         out.meshes[m].transfer.resize(p.positions.size());
-        frame[m].mesh = p.mesh;
-        frame[m].positions = {&p.positions[0].x, p.positions.size(), sizeof(glm::vec3)};
-        frame[m].normals = {&p.normals[0].x, p.normals.size(), sizeof(glm::vec3)};
         frame[m].transfer = {out.meshes[m].transfer[0].data(), p.positions.size(), 100};
-        frame[m].object = p.object;
         frame[m].needed = p.needed.empty() ? nullptr : p.needed.data();
     }
     settings.meshes = frame.data();

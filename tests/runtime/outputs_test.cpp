@@ -19,10 +19,6 @@ namespace {
 
 using Stream = nusselt::Output;
 
-Vec3View view(const std::vector<glm::vec3>& v) {
-    return {&v[0].x, v.size(), sizeof(glm::vec3)};
-}
-
 Stream stream(OutputKind kind, OutputFormat format, void* data, size_t count, size_t stride = 0,
               uint32_t bands = 0) {
     Stream s;
@@ -177,11 +173,7 @@ TEST(Outputs, BesideTransferAndOnEveryInstructionSet) {
 TEST(Outputs, HalfHidden) {
     Engine engine;
     const scenes::Mesh receiver = points({{0, 0, 0}}, {{0, 0, 1}});
-    scenes::Mesh wall;
-    wall.rest_positions = {
-        {0.02f, -1000, -1000}, {0.02f, 1000, -1000}, {0.02f, 1000, 1000}, {0.02f, -1000, 1000}};
-    wall.rest_normals.assign(4, {-1, 0, 0});
-    wall.indices = {0, 1, 2, 0, 2, 3};
+    const scenes::Mesh wall = wall_beside();
     const MeshId ids[2] = {add(engine.context, receiver), add(engine.context, wall)};
     float ao = 0, bent[3] = {};
     const Stream streams[2] = {stream(OutputKind::ambient_occlusion, OutputFormat::float32, &ao, 1),

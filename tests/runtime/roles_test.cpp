@@ -9,22 +9,15 @@ namespace nusselt::test {
 
 namespace {
 
-Vec3View view(const std::vector<glm::vec3>& v) {
-    return {&v[0].x, v.size(), sizeof(glm::vec3)};
-}
-
 using Transfers = std::vector<std::array<float, 25>>;
 
 // All meshes receive; those of `receive_only` hide nothing.
 std::vector<Transfers> run(Context* context, const std::vector<Posed>& meshes,
                            const std::vector<uint32_t>& receive_only, Quality quality = Quality::standard) {
     std::vector<Transfers> out(meshes.size());
-    std::vector<FrameMesh> frame(meshes.size());
+    std::vector<FrameMesh> frame = frame_of(meshes);
     for (size_t m = 0; m < meshes.size(); ++m) {
         out[m].resize(meshes[m].positions.size());
-        frame[m].mesh = meshes[m].mesh;
-        frame[m].positions = view(meshes[m].positions);
-        frame[m].normals = view(meshes[m].normals);
         frame[m].transfer = {out[m][0].data(), out[m].size(), 100};
         frame[m].receive_only = receive_only[m];
     }

@@ -1,5 +1,6 @@
 #include "tools/commands/reflection.h"
 
+#include "tools/commands/choice.h"
 #include "tools/report/failure.h"
 
 #include <algorithm>
@@ -48,14 +49,7 @@ Material material_of(const Reflectance& r, const glm::vec3& albedo, const glm::v
 } // namespace
 
 Reflectance parse_reflectance(const std::string& text, const std::string& option) {
-    std::vector<std::string> parts(1);
-    for (const char c : text) {
-        if (c == ':') {
-            parts.emplace_back();
-        } else {
-            parts.back() += c;
-        }
-    }
+    const std::vector<std::string> parts = split_at_colons(text);
     Reflectance r;
     const auto wanted = [&](size_t k, float fallback, double low, double high) {
         return parts.size() > k ? number(parts[k], low, high, text, option) : fallback;

@@ -1,5 +1,6 @@
 #include "tools/commands/streams.h"
 
+#include "tools/commands/choice.h"
 #include "tools/report/failure.h"
 #include "tools/report/npy.h"
 
@@ -33,14 +34,7 @@ StreamArray parse_stream(const std::string& text, const std::string& option) {
                 "bent_normal, a format of float32, float16, packed8, and 1 to 5 bands of a transfer",
             exit_usage);
     };
-    std::vector<std::string> parts(1);
-    for (const char c : text) {
-        if (c == ':') {
-            parts.emplace_back();
-        } else {
-            parts.back() += c;
-        }
-    }
+    const std::vector<std::string> parts = split_at_colons(text);
     StreamArray stream;
     const auto* const end = kind_names + kinds_of_the_command_line;
     const auto* const kind = std::find(kind_names, end, parts[0]);
