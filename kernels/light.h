@@ -73,10 +73,23 @@ using IntegrateSky = void (*)(const Tables& tables, const CellTables& cells, con
                               const Batch& batch, const uint8_t* masks, const Reflection* reflections,
                               float rgb[3][lanes]);
 
+// Products of two basis functions: the upper triangle of 25 x 25, row by row, padded to whole registers.
+constexpr uint32_t product_entries = 325, product_stride = 336;
+// hidden[entry] += the sum over blocks, in their order, of counts[block] times products[block][entry].
+// `products` are rows of product_stride.
+using AddHidden = void (*)(const float* products, const uint8_t* counts, uint32_t blocks, float* hidden);
+
+// Transfer vectors times a matrix: out[term][lane] = the sum over j, in their order, of matrix[term][j] times
+// transfer[j][lane].
+using MultiplyTransfer = void (*)(const float matrix[25][25], const float transfer[25][lanes],
+                                  float out[25][lanes]);
+
 struct LightKernels {
     ShadeBatch shade_batch;
     IntegrateGlossy integrate_glossy;
     IntegrateSky integrate_sky;
+    AddHidden add_hidden;
+    MultiplyTransfer multiply_transfer;
 };
 
 // Null where kernels_for is.

@@ -160,8 +160,27 @@ void integrate_sky(const Tables& tables, const CellTables& cells, const SkyMap& 
     }
 }
 
+void add_hidden(const float* products, const uint8_t* counts, uint32_t blocks, float* hidden) {
+    for (uint32_t block = 0; block < blocks; ++block) {
+        for (uint32_t at = 0; counts[block] > 0 && at < product_stride; ++at)
+            hidden[at] += float(counts[block]) * products[size_t(block) * product_stride + at];
+    }
+}
+
+void multiply_transfer(const float matrix[25][25], const float transfer[25][lanes], float out[25][lanes]) {
+    for (uint32_t i = 0; i < 25; ++i) {
+        for (uint32_t lane = 0; lane < lanes; ++lane) {
+            float sum = 0;
+            for (uint32_t j = 0; j < 25; ++j)
+                sum += matrix[i][j] * transfer[j][lane];
+            out[i][lane] = sum;
+        }
+    }
+}
+
 } // namespace
 
-const LightKernels reference_light_kernels = {shade_batch, integrate_glossy, integrate_sky};
+const LightKernels reference_light_kernels = {shade_batch, integrate_glossy, integrate_sky, add_hidden,
+                                              multiply_transfer};
 
 } // namespace nusselt::kernels

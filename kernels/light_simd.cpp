@@ -314,9 +314,46 @@ void integrate_sky(const Tables& tables, const CellTables& cells, const SkyMap& 
     }
 }
 
+void add_hidden(const float* products, const uint8_t* counts, uint32_t blocks, float* hidden) {
+    constexpr uint32_t registers = 7; // at a time; their columns of all blocks before the next ones
+    static_assert(product_stride % (registers * width) == 0);
+    for (uint32_t first = 0; first < product_stride; first += registers * width) {
+        V sum[registers];
+        for (uint32_t i = 0; i < registers; ++i)
+            sum[i] = load(hidden, first + i * width);
+        for (uint32_t block = 0; block < blocks; ++block) {
+            if (counts[block] == 0) continue;
+            const V count = constant(float(counts[block]));
+            const float* row = products + size_t(block) * product_stride + first;
+            for (uint32_t i = 0; i < registers; ++i)
+                sum[i] = hn::Add(sum[i], hn::Mul(count, load(row, i * width)));
+        }
+        for (uint32_t i = 0; i < registers; ++i)
+            hn::Store(sum[i], df, hidden + first + i * width);
+    }
+}
+
+void multiply_transfer(const float matrix[25][25], const float transfer[25][lanes], float out[25][lanes]) {
+    constexpr uint32_t rows = 5; // that share a load, and are as many chains of additions
+    for (uint32_t lane = 0; lane < lanes; lane += width) {
+        for (uint32_t first = 0; first < 25; first += rows) {
+            V sum[rows];
+            for (V& s : sum)
+                s = hn::Zero(df);
+            for (uint32_t j = 0; j < 25; ++j) {
+                const V value = load(transfer[j], lane);
+                for (uint32_t i = 0; i < rows; ++i)
+                    sum[i] = hn::Add(sum[i], hn::Mul(constant(matrix[first + i][j]), value));
+            }
+            for (uint32_t i = 0; i < rows; ++i)
+                hn::Store(sum[i], df, out[first + i] + lane);
+        }
+    }
+}
+
 } // namespace
 
-const LightKernels table = {shade_batch, integrate_glossy, integrate_sky};
+const LightKernels table = {shade_batch, integrate_glossy, integrate_sky, add_hidden, multiply_transfer};
 
 } // namespace HWY_NAMESPACE
 } // namespace nusselt::kernels

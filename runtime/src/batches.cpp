@@ -149,7 +149,7 @@ void finish_batch(const Frame& frame, const MeshSlice& slice, const Batch& batch
     }
     clock.lap(integrate_stage);
     frame.kernels->rotate(batch, order, worker.local, worker.turned);
-    if (far) multiply_far(worker);
+    if (far) multiply_far(frame, worker);
 }
 
 } // namespace

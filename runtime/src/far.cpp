@@ -36,7 +36,7 @@ void face_batch(const Kernels& k, const float centre[3], Batch& batch) {
 } // namespace
 
 size_t far_table_size(const MaskLayout& layout) {
-    return size_t(far_faces) * mask_blocks(layout) * far_stride;
+    return size_t(far_faces) * mask_blocks(layout) * product_stride;
 }
 
 void build_far_table(const MaskLayout& layout, float* table) {
@@ -46,7 +46,7 @@ void build_far_table(const MaskLayout& layout, float* table) {
     std::memset(table, 0, far_table_size(layout) * sizeof(float));
     // Bits have the same part of the disk, pi / bits, and more of the sphere the lower they lie. All together
     // they are the sphere.
-    double sphere = 0, sums[far_entries];
+    double sphere = 0, sums[product_entries];
     for (int pass = 0; pass < 2; ++pass) {
         for (uint32_t face = 0; face < far_faces; ++face) {
             for (uint32_t block = 0; block < mask_blocks(layout); ++block) {
@@ -71,8 +71,8 @@ void build_far_table(const MaskLayout& layout, float* table) {
                             sums[at++] += weight * basis[i] * basis[j];
                     }
                 }
-                float* out = table + (size_t(face) * mask_blocks(layout) + block) * far_stride;
-                for (uint32_t at = 0; pass == 1 && at < far_entries; ++at)
+                float* out = table + (size_t(face) * mask_blocks(layout) + block) * product_stride;
+                for (uint32_t at = 0; pass == 1 && at < product_entries; ++at)
                     out[at] = static_cast<float>(sums[at]);
             }
         }
@@ -110,17 +110,12 @@ void look_far(Frame& frame, const ReceiverBounds& receivers, Worker& worker) {
     k.run_jobs(tables, jobs, worker.masks.data());
 
     const uint32_t blocks = mask_blocks(tables.layout);
-    alignas(64) float hidden[far_stride] = {};
+    alignas(64) float hidden[product_stride] = {};
     uint8_t counts[most_blocks];
     for (uint32_t face = 0; face < far_faces; ++face) {
         k.downsample(worker.masks.data() + size_t(face) * mask_bytes(tables.layout), blocks, counts);
-        const float* table = frame.far_table + size_t(face) * blocks * far_stride;
-        for (uint32_t block = 0; block < blocks; ++block, table += far_stride) {
-            if (counts[block] == 0) continue;
-            const float count = float(counts[block]);
-            for (uint32_t at = 0; at < far_stride; ++at)
-                hidden[at] += count * table[at];
-        }
+        frame.light_kernels->add_hidden(frame.far_table + size_t(face) * blocks * product_stride, counts,
+                                        blocks, hidden);
     }
     for (uint32_t i = 0, at = 0; i < 25; ++i) {
         for (uint32_t j = i; j < 25; ++j, ++at)
@@ -128,14 +123,9 @@ void look_far(Frame& frame, const ReceiverBounds& receivers, Worker& worker) {
     }
 }
 
-void multiply_far(Worker& worker) {
-    alignas(64) float product[25][lanes] = {};
-    for (uint32_t i = 0; i < 25; ++i) {
-        for (uint32_t j = 0; j < 25; ++j) {
-            for (uint32_t lane = 0; lane < lanes; ++lane)
-                product[i][lane] += worker.far_matrix[i][j] * worker.turned[j][lane];
-        }
-    }
+void multiply_far(const Frame& frame, Worker& worker) {
+    alignas(64) float product[25][lanes];
+    frame.light_kernels->multiply_transfer(worker.far_matrix, worker.turned, product);
     std::memcpy(worker.turned, product, sizeof(product));
 }
 

@@ -6,12 +6,10 @@
 
 namespace nusselt {
 
-// The product of two basis functions, integrated over the part of the sphere that each block of six masks is
-// for: upper triangles of 25 x 25, one a block, masks in turn. The masks look along the axes (+x, -x, +y,
-// ...), each has the directions nearest to its own.
+// The products of two basis functions, integrated over the part of the sphere that each block of six masks is
+// for, as kernels::AddHidden wants them: masks in turn. The masks look along the axes (+x, -x, +y, ...), each
+// has the directions nearest to its own.
 constexpr uint32_t far_faces = 6;
-constexpr uint32_t far_entries = 325;
-constexpr uint32_t far_stride = 336;                      // floats from one block's to the next
 size_t far_table_size(const kernels::MaskLayout& layout); // floats
 void build_far_table(const kernels::MaskLayout& layout, float* table);
 
@@ -23,6 +21,6 @@ bool may_look_far(const Frame& frame, const MeshSlice& slice);
 void look_far(Frame& frame, const kernels::ReceiverBounds& receivers, Worker& worker);
 
 // worker.turned, times the matrix.
-void multiply_far(Worker& worker);
+void multiply_far(const Frame& frame, Worker& worker);
 
 } // namespace nusselt

@@ -100,6 +100,10 @@ struct LevelBands {
     uint32_t count = 0;
 };
 
+struct MeshBox {
+    float low[3], high[3]; // low above high: nothing
+};
+
 enum Stage : uint32_t {
     refit_stage,
     cull_stage,
@@ -169,7 +173,8 @@ struct Frame {
           radius(a), cone{FloatArray(a), FloatArray(a), FloatArray(a)}, cone_cos(a), cone_sin(a),
           triangle_radius(a), nearest(a), farthest(a), views(HostAllocator<kernels::ClusterView>(a)),
           cluster_mesh(HostAllocator<uint32_t>(a)), cluster_bounds_begin(HostAllocator<uint32_t>(a)),
-          mesh_bounds(a), level_bands(HostAllocator<LevelBands>(a)), history(a) {}
+          mesh_bounds(a), closed_boxes(HostAllocator<MeshBox>(a)), level_bands(HostAllocator<LevelBands>(a)),
+          history(a) {}
 
     // Fixed in `submit`.
     const kernels::Kernels* kernels = nullptr;
@@ -215,6 +220,7 @@ struct Frame {
     Vector<uint32_t> cluster_mesh, cluster_bounds_begin;
     kernels::ClusterBounds cluster_bounds{};
     ClusterBoundsArrays mesh_bounds; // a sphere around each mesh
+    Vector<MeshBox> closed_boxes;    // around what of each mesh can hold a receiver
     Vector<LevelBands> level_bands;  // of each mesh, then of each mesh's proxy
 
     // A frame with a history is kept for it: the arrays above are then those of its last frame.

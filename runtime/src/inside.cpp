@@ -25,16 +25,34 @@ uint32_t meeting(const Rays& rays, const float centre[3], float radius) {
     return met & rays.active;
 }
 
+// The lanes whose own origin lies in the box: a receiver's answer must not depend on its batch.
+uint32_t within(const MeshBox& box, const Rays& rays) {
+    for (uint32_t i = 0; i < 3; ++i) {
+        const float reach = 1.00001f * rays.radius + 1e-5f;
+        if (rays.centre[i] + reach < box.low[i] || rays.centre[i] - reach > box.high[i]) return 0;
+    }
+    uint32_t held = rays.active;
+    for (uint32_t lane = 0; lane < lanes; ++lane) {
+        bool in = true;
+        for (uint32_t i = 0; i < 3; ++i)
+            in = in && rays.origin[i][lane] >= box.low[i] - 1e-6f &&
+                 rays.origin[i][lane] <= box.high[i] + 1e-6f;
+        held &= ~(uint32_t(!in) << lane);
+    }
+    return held;
+}
+
 // What all closed parts wind around the rays' origins. Returns the lanes for which that is not known: their
 // ray may meet a broken triangle.
 uint32_t count_winding(const Frame& frame, Worker& worker, int32_t winding[lanes]) {
     const Kernels& k = *frame.kernels;
     uint32_t unknown = 0;
-    const uint32_t meshes = frame.mesh_count;
-    const uint32_t met =
-        k.select_along(worker.rays, frame.mesh_bounds.view(meshes), 0, meshes, worker.meshes.data());
-    for (uint32_t m = 0; m < met; ++m) {
-        const MeshSlice& slice = frame.meshes[worker.meshes[m]];
+    for (uint32_t m = 0; m < frame.mesh_count; ++m) {
+        const MeshSlice& slice = frame.meshes[m];
+        // Closed parts wind 0 times around what lies outside of them.
+        const uint32_t held = within(frame.closed_boxes[m], worker.rays);
+        if (!held) continue;
+        int32_t own[lanes] = {};
         const uint32_t closed = slice.in.receive_only ? 0 : slice.mesh->closed_clusters;
         const uint32_t first = slice.first_cluster, end = first + closed;
         const uint32_t count =
@@ -44,8 +62,10 @@ uint32_t count_winding(const Frame& frame, Worker& worker, int32_t winding[lanes
             const uint32_t c = worker.selected[i];
             const ClusterView& view = frame.views[c];
             if (frame.broken[c]) unknown |= meeting(worker.rays, view.centre, view.radius);
-            k.count_crossings(worker.rays, view, points, winding);
+            k.count_crossings(worker.rays, view, points, own);
         }
+        for (uint32_t lane = 0; lane < lanes; ++lane)
+            winding[lane] += held >> lane & 1 ? own[lane] : 0;
     }
     return unknown;
 }

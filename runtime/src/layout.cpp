@@ -87,6 +87,7 @@ void grow(Frame& frame) {
     frame.broken.resize(frame.cluster_count);
     frame.cluster_bounds_begin.resize(frame.cluster_count);
     frame.mesh_bounds.resize(frame.meshes.size());
+    frame.closed_boxes.resize(frame.meshes.size());
     frame.level_bands.resize((frame.proxies ? 2 : 1) * frame.meshes.size());
     frame.triangle_bounds.resize(frame.triangle_bounds_count);
     const size_t job_capacity = job_flush + kernels::jobs_per_cluster + 64;

@@ -14,18 +14,32 @@ using namespace kernels;
 
 constexpr uint32_t few_parts = 64;
 
-// A sphere around spheres: the middle of their box, as far as the farthest reaches.
-void bound_clusters(const Frame& frame, uint32_t begin, uint32_t end, float centre[3], float& radius) {
-    float low[3] = {FLT_MAX, FLT_MAX, FLT_MAX}, high[3] = {-FLT_MAX, -FLT_MAX, -FLT_MAX};
+// A box around spheres.
+MeshBox box_clusters(const Frame& frame, uint32_t begin, uint32_t end) {
+    MeshBox box{{FLT_MAX, FLT_MAX, FLT_MAX}, {-FLT_MAX, -FLT_MAX, -FLT_MAX}};
     for (uint32_t c = begin; c < end; ++c) {
         for (uint32_t k = 0; k < 3; ++k) {
-            low[k] = std::min(low[k], frame.centre[k].data()[c] - frame.radius.data()[c]);
-            high[k] = std::max(high[k], frame.centre[k].data()[c] + frame.radius.data()[c]);
+            box.low[k] = std::min(box.low[k], frame.centre[k].data()[c] - frame.radius.data()[c]);
+            box.high[k] = std::max(box.high[k], frame.centre[k].data()[c] + frame.radius.data()[c]);
         }
     }
-    for (uint32_t k = 0; k < 3; ++k)
-        centre[k] = begin < end ? 0.5f * low[k] + 0.5f * high[k] : 0.0f;
-    radius = 0;
+    return box;
+}
+
+// What of the mesh can hold a receiver: its closed parts. Where a triangle of theirs is broken a ray that
+// meets it tells nothing, wherever it starts.
+MeshBox box_closed(const Frame& frame, const MeshSlice& slice) {
+    const uint32_t first = slice.first_cluster,
+                   closed = slice.in.receive_only || frame.quality.paper ? 0 : slice.mesh->closed_clusters;
+    const uint8_t* const broken = frame.broken.data() + first;
+    if (std::any_of(broken, broken + closed, [](uint8_t b) { return b != 0; }))
+        return {{-FLT_MAX, -FLT_MAX, -FLT_MAX}, {FLT_MAX, FLT_MAX, FLT_MAX}};
+    return box_clusters(frame, first, first + closed);
+}
+
+// How far spheres reach from a point.
+float reach_of(const Frame& frame, uint32_t begin, uint32_t end, const float centre[3]) {
+    float radius = 0;
     for (uint32_t c = begin; c < end; ++c) {
         float square = 0;
         for (uint32_t k = 0; k < 3; ++k) {
@@ -34,7 +48,7 @@ void bound_clusters(const Frame& frame, uint32_t begin, uint32_t end, float cent
         }
         radius = std::max(radius, std::sqrt(square) + frame.radius.data()[c]);
     }
-    radius *= 1.00001f;
+    return radius * 1.00001f;
 }
 
 // The levels from cluster `first` on, with what their clusters' bands have in common.
@@ -155,10 +169,14 @@ bool needs_proxies(const Frame& frame) {
 void bound_mesh(Frame& frame, uint32_t m) {
     const MeshSlice& slice = frame.meshes[m];
     const uint32_t first = slice.first_cluster, count = slice.clusters->count();
+    const MeshBox box = box_clusters(frame, first, first + count);
     float centre[3];
-    bound_clusters(frame, first, first + count, centre, frame.mesh_bounds.radius.data()[m]);
-    for (uint32_t k = 0; k < 3; ++k)
+    for (uint32_t k = 0; k < 3; ++k) {
+        centre[k] = count > 0 ? 0.5f * box.low[k] + 0.5f * box.high[k] : 0.0f;
         frame.mesh_bounds.centre[k].data()[m] = centre[k];
+    }
+    frame.closed_boxes[m] = box_closed(frame, slice);
+    frame.mesh_bounds.radius.data()[m] = reach_of(frame, first, first + count, centre);
     frame.mesh_bounds.cone_cos.data()[m] = -1;
     frame.mesh_bounds.farthest.data()[m] = FLT_MAX;
     band_levels(frame, *slice.clusters, first, frame.level_bands[m]);

@@ -124,6 +124,42 @@ TEST_F(LightSets, GlossyAndShade) {
     }
 }
 
+TEST_F(LightSets, ProductsOfTheBasis) {
+    constexpr uint32_t blocks = 64;
+    for (uint64_t seed = 0; seed < 20; ++seed) {
+        Random random(seed);
+        auto products = aligned_array<float>(size_t(blocks) * product_stride);
+        for (uint32_t i = 0; i < blocks * product_stride; ++i)
+            products[i] = random.between(-1, 1);
+        uint8_t counts[blocks];
+        for (uint8_t& count : counts)
+            count = uint8_t(random.one_in(2) ? 0 : random.below(17));
+        alignas(64) float hidden[2][product_stride];
+        for (uint32_t i = 0; i < product_stride; ++i)
+            hidden[0][i] = hidden[1][i] = random.between(-1, 1);
+        k->add_hidden(products.get(), counts, blocks, hidden[0]);
+        light_kernels_for(Set::scalar)->add_hidden(products.get(), counts, blocks, hidden[1]);
+        ASSERT_TRUE(same_bits(hidden[0], hidden[1], sizeof(hidden[0]))) << seed;
+
+        float matrix[25][25];
+        alignas(64) float transfer[25][lanes], out[2][25][lanes];
+        for (auto& row : matrix)
+            for (float& m : row)
+                m = random.between(-1, 1);
+        for (auto& row : transfer)
+            for (float& t : row)
+                t = random.between(-1, 1);
+        k->multiply_transfer(matrix, transfer, out[0]);
+        light_kernels_for(Set::scalar)->multiply_transfer(matrix, transfer, out[1]);
+        ASSERT_TRUE(same_bits(out[0], out[1], sizeof(out[0]))) << seed;
+        // In double.
+        double sum = 0;
+        for (uint32_t j = 0; j < 25; ++j)
+            sum += double(matrix[7][j]) * transfer[j][3];
+        ASSERT_NEAR(out[0][7][3], sum, 1e-5);
+    }
+}
+
 TEST_F(LightSets, IntegrateSky) {
     for (const NamedLayout& l : layouts) {
         const GlossyTables tables(l.layout);
