@@ -139,7 +139,7 @@ void keep_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receivers,
 void finish_batch(const Frame& frame, const MeshSlice& slice, const Batch& batch, Worker& worker,
                   StageClock& clock) {
     // A product's low bands are made of all bands.
-    const bool far = slice.looks_far && worker.far_count > 0;
+    const bool far = slice.looks_far && worker.far_matrix;
     const uint32_t order = slice.in.output_count > 0 || far ? 5 : frame.order;
     if (frame.shells.count > 0) {
         integrate_shells(frame, batch, order, worker);

@@ -1,5 +1,6 @@
 #include "far.h"
 
+#include "batches.h"
 #include "gloss.h"
 #include "objects.h"
 
@@ -31,6 +32,47 @@ void face_batch(const Kernels& k, const float centre[3], Batch& batch) {
     }
     batch.valid = (1u << far_faces) - 1;
     k.prepare_batch(batch, normal);
+}
+
+// Draws meshes as proxies into worker.masks, which look along the axes from a point.
+void draw_around(const Frame& frame, const float centre[3], const uint32_t* meshes, uint32_t count,
+                 Worker& worker) {
+    const Kernels& k = *frame.kernels;
+    const Tables& tables = *frame.tables;
+    Batch& batch = worker.far_batch;
+    face_batch(k, centre, batch);
+    JobList jobs = job_list(worker);
+    uint32_t selected = 0;
+    for (uint32_t i = 0; i < count; ++i)
+        selected += select_proxies(frame, meshes[i], batch.bounds, worker.selected.data() + selected,
+                                   worker.tally.clusters_tested);
+    worker.tally.clusters_rasterized += selected;
+    for (uint32_t i = 0; i < selected; ++i) {
+        const uint32_t c = worker.selected[i];
+        const float* points =
+            frame.points.data() + 4 * size_t(frame.meshes[frame.cluster_mesh[c]].first_point);
+        k.cluster_jobs(batch, frame.views[c], points, tables.layout, tables.horizon, worker.scratch[0], jobs,
+                       worker.tally.counters);
+        if (jobs.count >= job_flush) k.run_jobs(tables, jobs, worker.masks.data());
+    }
+    k.run_jobs(tables, jobs, worker.masks.data());
+}
+
+// What is left of transfer vectors where worker.masks are hidden.
+void make_matrix(const Frame& frame, const Worker& worker, float matrix[25][25]) {
+    const MaskLayout& layout = frame.tables->layout;
+    const uint32_t blocks = mask_blocks(layout);
+    alignas(64) float hidden[product_stride] = {};
+    uint8_t counts[most_blocks];
+    for (uint32_t face = 0; face < far_faces; ++face) {
+        frame.kernels->downsample(worker.masks.data() + size_t(face) * mask_bytes(layout), blocks, counts);
+        frame.light_kernels->add_hidden(frame.far_table + size_t(face) * blocks * product_stride, counts,
+                                        blocks, hidden);
+    }
+    for (uint32_t i = 0, at = 0; i < 25; ++i) {
+        for (uint32_t j = i; j < 25; ++j, ++at)
+            matrix[i][j] = matrix[j][i] = (i == j ? 1.0f : 0.0f) - hidden[at];
+    }
 }
 
 } // namespace
@@ -87,40 +129,39 @@ bool may_look_far(const Frame& frame, const MeshSlice& slice) {
     return true;
 }
 
-void look_far(Frame& frame, const ReceiverBounds& receivers, Worker& worker) {
-    const Kernels& k = *frame.kernels;
-    const Tables& tables = *frame.tables;
-    Batch& batch = worker.far_batch;
-    face_batch(k, receivers.centre, batch);
-    std::memset(worker.masks.data(), 0, size_t(lanes) * mask_bytes(tables.layout));
-    JobList jobs = job_list(worker);
-    uint32_t selected = 0;
-    for (uint32_t i = 0; i < worker.far_count; ++i)
-        selected += select_proxies(frame, worker.far_meshes[i], batch.bounds,
-                                   worker.selected.data() + selected, worker.tally.clusters_tested);
-    worker.tally.clusters_rasterized += selected;
-    for (uint32_t i = 0; i < selected; ++i) {
-        const uint32_t c = worker.selected[i];
-        const float* points =
-            frame.points.data() + 4 * size_t(frame.meshes[frame.cluster_mesh[c]].first_point);
-        k.cluster_jobs(batch, frame.views[c], points, tables.layout, tables.horizon, worker.scratch[0], jobs,
-                       worker.tally.counters);
-        if (jobs.count >= job_flush) k.run_jobs(tables, jobs, worker.masks.data());
+void look_farther(void* context, uint32_t begin, uint32_t end, uint32_t slot) {
+    Frame& frame = *static_cast<Frame*>(context);
+    Worker& worker = frame.workers[slot];
+    const size_t bytes = far_faces * size_t(mask_bytes(frame.tables->layout));
+    StageClock clock(worker.tally);
+    for (uint32_t m = begin; m < end; ++m) {
+        FarView& view = frame.far_views[m];
+        const uint32_t count = view.wanted ? list_farther(frame, m, worker.far_meshes.data()) : 0;
+        view.empty = count == 0;
+        if (view.empty) continue;
+        std::memset(worker.masks.data(), 0, bytes);
+        draw_around(frame, middle_of(frame, m).centre, worker.far_meshes.data(), count, worker);
+        make_matrix(frame, worker, view.matrix);
+        std::memcpy(view.masks, worker.masks.data(), bytes);
     }
-    k.run_jobs(tables, jobs, worker.masks.data());
+    clock.lap(cull_stage);
+}
 
-    const uint32_t blocks = mask_blocks(tables.layout);
-    alignas(64) float hidden[product_stride] = {};
-    uint8_t counts[most_blocks];
-    for (uint32_t face = 0; face < far_faces; ++face) {
-        k.downsample(worker.masks.data() + size_t(face) * mask_bytes(tables.layout), blocks, counts);
-        frame.light_kernels->add_hidden(frame.far_table + size_t(face) * blocks * product_stride, counts,
-                                        blocks, hidden);
+void look_far(const Frame& frame, const MeshSlice& slice, const ReceiverBounds& receivers, Worker& worker) {
+    const FarView& view = frame.far_views[slice.body];
+    if (worker.far_count == 0) {
+        worker.far_matrix = view.empty ? nullptr : view.matrix;
+        return;
     }
-    for (uint32_t i = 0, at = 0; i < 25; ++i) {
-        for (uint32_t j = i; j < 25; ++j, ++at)
-            worker.far_matrix[i][j] = worker.far_matrix[j][i] = (i == j ? 1.0f : 0.0f) - hidden[at];
+    const size_t bytes = far_faces * size_t(mask_bytes(frame.tables->layout));
+    if (view.empty) {
+        std::memset(worker.masks.data(), 0, bytes);
+    } else {
+        std::memcpy(worker.masks.data(), view.masks, bytes);
     }
+    draw_around(frame, receivers.centre, worker.far_meshes.data(), worker.far_count, worker);
+    make_matrix(frame, worker, worker.own_matrix);
+    worker.far_matrix = worker.own_matrix;
 }
 
 void multiply_far(const Frame& frame, Worker& worker) {

@@ -24,6 +24,8 @@ namespace nusselt {
 constexpr uint32_t region_batches = 8; // batches that share one look at all clusters, at most
 constexpr uint32_t region_receivers = region_batches * kernels::lanes;
 constexpr uint32_t point_chunk = 1024; // vertices, or samples of a level, of one task
+constexpr uint32_t far_faces = 6;      // masks that look along the axes (far.h)
+constexpr uint32_t most_mask_bytes = kernels::mask_bytes(kernels::fine_layout);
 constexpr uint32_t job_flush =
     512; // jobs after which masks are worked on: the list stays in the nearest cache
 
@@ -48,6 +50,7 @@ struct MeshSlice {
     uint32_t first_vertex = 0;                       // in the history's arrays
     bool is_back = false;   // of an earlier slice's mesh: its points, no clusters, and normals turned over
     bool looks_far = false; // far objects are multiplied into its results, not drawn into its masks (far.h)
+    uint32_t body = 0;      // its own number, or that of the slice whose back it is
 };
 
 inline bool receives(const FrameMesh& mesh) {
@@ -100,6 +103,14 @@ struct LevelBands {
     uint32_t count = 0;
 };
 
+// What of other objects is seen from the middle of a mesh, for all of its receivers (far.h).
+struct FarView {
+    bool wanted = false; // some of them look far
+    bool empty = true;   // nothing is hidden
+    alignas(64) uint8_t masks[far_faces * most_mask_bytes] = {};
+    float matrix[25][25] = {};
+};
+
 struct MeshBox {
     float low[3], high[3]; // low above high: nothing
 };
@@ -136,7 +147,9 @@ struct Worker {
     Vector<float> points_before;        // of a chunk (frames with a history)
     uint32_t far_count = 0;             // of far_meshes
     kernels::Batch far_batch = {};
-    alignas(64) float far_matrix[25][25] = {};
+    alignas(64) float own_matrix[25][25] = {};
+    const float (*far_matrix)[25] =
+        nullptr; // what far objects leave of a region's transfer vectors; null: all
     kernels::Batch batches[region_batches] = {};
     kernels::Rays rays = {};
     alignas(64) float normal[3][kernels::lanes] = {};
@@ -173,8 +186,8 @@ struct Frame {
           radius(a), cone{FloatArray(a), FloatArray(a), FloatArray(a)}, cone_cos(a), cone_sin(a),
           triangle_radius(a), nearest(a), farthest(a), views(HostAllocator<kernels::ClusterView>(a)),
           cluster_mesh(HostAllocator<uint32_t>(a)), cluster_bounds_begin(HostAllocator<uint32_t>(a)),
-          mesh_bounds(a), closed_boxes(HostAllocator<MeshBox>(a)), level_bands(HostAllocator<LevelBands>(a)),
-          history(a) {}
+          mesh_bounds(a), far_views(HostAllocator<FarView>(a)), closed_boxes(HostAllocator<MeshBox>(a)),
+          level_bands(HostAllocator<LevelBands>(a)), history(a) {}
 
     // Fixed in `submit`.
     const kernels::Kernels* kernels = nullptr;
@@ -220,6 +233,7 @@ struct Frame {
     Vector<uint32_t> cluster_mesh, cluster_bounds_begin;
     kernels::ClusterBounds cluster_bounds{};
     ClusterBoundsArrays mesh_bounds; // a sphere around each mesh
+    Vector<FarView> far_views;       // of each mesh, where there is a far_table
     Vector<MeshBox> closed_boxes;    // around what of each mesh can hold a receiver
     Vector<LevelBands> level_bands;  // of each mesh, then of each mesh's proxy
 

@@ -40,6 +40,7 @@ void lay_out(Frame& frame) {
         frame.region_count = s.first_own_region + regions(duplicates);
         vertices += receives(s.in) ? s.mesh->vertex_count : 0;
         if (s.is_back) continue;
+        s.body = static_cast<uint32_t>(&s - frame.meshes.data());
         const uint32_t points = static_cast<uint32_t>(s.mesh->weld_source.size());
         s.clusters = s.in.receive_only     ? &frame.no_clusters
                      : frame.quality.paper ? &s.mesh->coarse_clusters
@@ -60,6 +61,7 @@ void lay_out(Frame& frame) {
     for (const MeshSlice& front : bodies(frame)) {
         if (!receives(front.in.back)) continue;
         MeshSlice& s = frame.meshes[back++];
+        s.body = front.body;
         s.clusters = &frame.no_clusters;
         s.first_point = front.first_point;
         s.first_point_chunk = front.first_point_chunk;
@@ -88,6 +90,13 @@ void grow(Frame& frame) {
     frame.cluster_bounds_begin.resize(frame.cluster_count);
     frame.mesh_bounds.resize(frame.meshes.size());
     frame.closed_boxes.resize(frame.meshes.size());
+    if (frame.far_table) frame.far_views.resize(frame.mesh_count);
+    for (FarView& view : frame.far_views)
+        view.wanted = false;
+    for (const MeshSlice& s : frame.meshes) {
+        // A mesh without triangles has no middle.
+        if (s.looks_far && frame.meshes[s.body].clusters->count() > 0) frame.far_views[s.body].wanted = true;
+    }
     frame.level_bands.resize((frame.proxies ? 2 : 1) * frame.meshes.size());
     frame.triangle_bounds.resize(frame.triangle_bounds_count);
     const size_t job_capacity = job_flush + kernels::jobs_per_cluster + 64;

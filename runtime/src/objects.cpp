@@ -139,7 +139,13 @@ bool is_small(const Frame& frame, uint32_t m, const ReceiverBounds& receivers) {
     return frame.mesh_bounds.radius.data()[m] < frame.quality.proxy_least * (mesh.distance - mesh.reach);
 }
 
-// So far that all receivers see it where their middle does: no part is nearer to one of them than
+// So far that all receivers of a mesh see it where the mesh's middle does.
+bool is_farther(const Frame& frame, uint32_t m, const ReceiverBounds& receivers) {
+    const Apart mesh = apart_from_mesh(frame, m, receivers);
+    return mesh.distance - mesh.reach >= frame.quality.farther_gap * receivers.radius;
+}
+
+// The same of a region's receivers: no part is nearer to one of them than
 // quality.far_gap times the radius of all.
 bool is_far(const Frame& frame, uint32_t m, const ReceiverBounds& receivers) {
     const float gap = frame.quality.far_gap * receivers.radius;
@@ -185,6 +191,22 @@ void bound_mesh(Frame& frame, uint32_t m) {
     band_levels(frame, *slice.clusters, frame.cluster_count + first, frame.level_bands[frame.mesh_count + m]);
 }
 
+kernels::ReceiverBounds middle_of(const Frame& frame, uint32_t m) {
+    const ClusterBounds bounds = frame.mesh_bounds.view(0);
+    return {{bounds.centre[0][m], bounds.centre[1][m], bounds.centre[2][m]}, bounds.radius[m], {}, -1, 0};
+}
+
+uint32_t list_farther(const Frame& frame, uint32_t m, uint32_t* meshes) {
+    const ReceiverBounds receivers = middle_of(frame, m);
+    uint32_t count = 0;
+    for (uint32_t other = 0; other < frame.mesh_count; ++other) {
+        if (frame.meshes[other].in.object == frame.meshes[m].in.object) continue;
+        if (is_farther(frame, other, receivers) && !is_small(frame, other, receivers))
+            meshes[count++] = other;
+    }
+    return count;
+}
+
 uint32_t select_proxies(const Frame& frame, uint32_t m, const ReceiverBounds& receivers, uint32_t* selected,
                         uint64_t& tested) {
     return select_levels(frame, m, frame.level_bands[frame.mesh_count + m], receivers, selected, tested);
@@ -197,6 +219,8 @@ uint32_t select_candidates(const Frame& frame, const MeshSlice& slice, const Rec
     uint64_t tested = 0;
     const uint32_t seen = k.select_clusters(home, frame.mesh_bounds.view(meshes), nullptr, meshes,
                                             frame.tables->horizon, worker.meshes.data(), &tested);
+    const ReceiverBounds own = middle_of(frame, slice.body);
+    const bool has_view = slice.looks_far && frame.far_views[slice.body].wanted;
     uint32_t count = 0;
     for (uint32_t i = 0; i < seen; ++i) {
         const uint32_t m = worker.meshes[i];
@@ -204,6 +228,8 @@ uint32_t select_candidates(const Frame& frame, const MeshSlice& slice, const Rec
         if (!frame.proxies || frame.meshes[m].in.object == slice.in.object) {
             count +=
                 select_levels(frame, m, frame.level_bands[m], receivers, out, worker.tally.clusters_tested);
+        } else if (has_view && is_farther(frame, m, own)) {
+            continue; // look_farther
         } else if (!frame.has_history && is_small(frame, m, home)) {
             // With a history it would come and go as receivers move that others are kept beside.
             continue;

@@ -17,9 +17,15 @@ void bound_mesh(Frame& frame, uint32_t m);
 uint32_t select_proxies(const Frame& frame, uint32_t m, const kernels::ReceiverBounds& receivers,
                         uint32_t* selected, uint64_t& tested);
 
+// The sphere around mesh m, as bounds of receivers that look every way.
+kernels::ReceiverBounds middle_of(const Frame& frame, uint32_t m);
+// The meshes of other objects that are so far from mesh m that all of its receivers see them where its middle
+// does; returns how many.
+uint32_t list_farther(const Frame& frame, uint32_t m, uint32_t* meshes);
+
 // The clusters that may matter to receivers of that mesh, to worker.candidates: those of its own object, and
 // proxies of the others. `home` bounds all receivers of their region. Returns how many. Where the mesh looks
-// far, the far ones of these are left to worker.far_meshes.
+// far, the far ones of these are left to worker.far_meshes, and those of list_farther are left out.
 uint32_t select_candidates(const Frame& frame, const MeshSlice& slice,
                            const kernels::ReceiverBounds& receivers, const kernels::ReceiverBounds& home,
                            Worker& worker);

@@ -1,6 +1,7 @@
 #include "plan.h"
 
 #include "context_data.h"
+#include "far.h"
 #include "history.h"
 #include "refit.h"
 #include "regions.h"
@@ -40,6 +41,7 @@ constexpr char scale_zone[] = "nusselt scale";
 constexpr char points_zone[] = "nusselt points";
 constexpr char clusters_zone[] = "nusselt clusters";
 constexpr char bands_zone[] = "nusselt bands";
+constexpr char far_zone[] = "nusselt far"; // frames of several objects only
 constexpr char receivers_zone[] = "nusselt receivers";
 // Frames with a history only.
 constexpr char changes_zone[] = "nusselt changes";
@@ -66,6 +68,7 @@ void plan_without_history(Chain& c) {
     c.stage(points_zone, timed_refit<place_points, points_zone>, f.point_chunks, 1);
     c.stage(clusters_zone, timed_refit<refit_clusters, clusters_zone>, f.cluster_count, 16);
     c.stage(bands_zone, timed_refit<choose_bands, bands_zone>, f.mesh_count, 1);
+    if (f.far_table) c.stage(far_zone, timed<look_farther, far_zone>, f.mesh_count, 1);
     c.stage(receivers_zone, timed<shadow_regions, receivers_zone>, f.region_count, 1);
 }
 

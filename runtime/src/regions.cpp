@@ -151,10 +151,11 @@ void shadow_region(Frame& frame, uint32_t number, uint32_t batches_wanted, bool 
     const bool part = frame.proxies && count < region.count;
     if (part) load_batches(frame, slice, region.vertices, region.count, worker, home);
     worker.far_count = 0;
+    worker.far_matrix = nullptr;
     uint32_t candidates = 0;
     if (load_batches(frame, slice, receivers, count, worker, all)) {
         candidates = select_candidates(frame, slice, all, part ? home : all, worker);
-        if (worker.far_count > 0) look_far(frame, part ? home : all, worker);
+        if (slice.looks_far) look_far(frame, slice, part ? home : all, worker);
     }
     clock.lap(cull_stage);
     for (uint32_t i = 0; i < count; i += lanes) {

@@ -111,6 +111,26 @@ TEST(Objects, ProxiesCostLittleAndHideAboutTheSame) {
               4 * difference(run_frame(engine.context, meshes), exact));
 }
 
+// A row so long that its ends see one another from their middles alone.
+TEST(Objects, TheFarthestAreDrawnOnceAMesh) {
+    Engine engine;
+    std::vector<Posed> ends = crowd(engine.context, 2, 1.2f);
+    for (Posed& mesh : ends) {
+        for (glm::vec3& p : mesh.positions)
+            p.x += mesh.object == 1 ? 6.0f : 0.0f; // some seven radii
+    }
+    const Outputs exact = run_frame(engine.context, as_one(ends)), far = run_far(engine.context, ends),
+                  alone = each_alone(engine.context, ends);
+    EXPECT_LT(difference(far, exact), 0.02);
+    EXPECT_LT(difference(far, exact), 0.7 * difference(alone, exact));
+    // Their own triangles, and the other's six times a mesh rather than for each receiver.
+    uint64_t own = 0;
+    for (const Posed& mesh : ends)
+        own += run_frame(engine.context, {mesh}).stats.triangles_rasterized;
+    const Outputs drawn = run_frame(engine.context, ends);
+    EXPECT_LT(far.stats.triangles_rasterized - own, (drawn.stats.triangles_rasterized - own) / 20);
+}
+
 // Seen once for a region of receivers.
 TEST(Objects, FarOnesAreMultipliedIn) {
     Engine engine;
