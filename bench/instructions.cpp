@@ -64,7 +64,7 @@ struct Shared {
 
 double stepped(size_t inputs, const std::function<void(size_t)>& run,
                const std::function<double(size_t)>& items) {
-    constexpr uint64_t enough = 12'000, too_many = 100'000;
+    constexpr uint64_t enough = 12'000, too_many = 500'000;
     void* memory = mmap(nullptr, sizeof(Shared), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     if (memory == MAP_FAILED) return 0;
     auto* shared = new (memory) Shared;

@@ -102,34 +102,28 @@ uint32_t select_along(const Rays& rays, const ClusterBounds& clusters, uint32_t 
     return count;
 }
 
+// Whether one lane's ray may meet a sphere.
+bool ray_meets(const Rays& rays, uint32_t lane, float cx, float cy, float cz, float radius) {
+    const float x = cx - rays.origin[0][lane], y = cy - rays.origin[1][lane], z = cz - rays.origin[2][lane];
+    const auto along = [&](const float unit[3]) { return x * unit[0] + y * unit[1] + z * unit[2]; };
+    const float u = along(rays.across[0]), v = along(rays.across[1]);
+    const float reach = radius * 1.0001f + 4e-6f;
+    return along(rays.direction) + reach >= 0 && u * u + v * v <= reach * reach;
+}
+
 void count_crossings(const Rays& rays, const ClusterView& cluster, const float* points,
                      int32_t winding[lanes]) {
-    constexpr float margin = 4e-6f;
     const uint32_t slots = triangle_slots(cluster.triangle_count);
-    for (uint32_t t = 0; t < cluster.triangle_count; ++t) {
-        const auto bound = [&](uint32_t array) { return cluster.bounds[array * slots + t]; };
-        if (!meets(rays, bound(4), bound(5), bound(6), bound(7))) continue;
-        for (uint32_t lane = 0; lane < lanes; ++lane) {
-            if (!(rays.active >> lane & 1)) continue;
-            const auto along = [&](uint32_t axis, float x, float y, float z) {
-                return x * rays.across[axis][0] + y * rays.across[axis][1] + z * rays.across[axis][2];
-            };
-            const float ox = rays.origin[0][lane], oy = rays.origin[1][lane], oz = rays.origin[2][lane];
-            float u[3], v[3];
-            for (uint32_t k = 0; k < 3; ++k) {
-                const float* p = points + 4 * cluster.vertices[cluster.triangles[8 * t + k]];
-                u[k] = along(0, p[0], p[1], p[2]) - along(0, ox, oy, oz);
-                v[k] = along(1, p[0], p[1], p[2]) - along(1, ox, oy, oz);
-            }
-            uint32_t left = 0; // edges that have the ray on their left
-            for (uint32_t k = 0; k < 3; ++k) {
-                const uint32_t n = (k + 1) % 3;
-                const float side = u[k] * v[n] - v[k] * u[n];
-                left += side > 0 || (side == 0 && (u[k] < u[n] || (u[k] == u[n] && v[k] < v[n])));
-            }
+    for (uint32_t lane = 0; lane < lanes; ++lane) {
+        if (!(rays.active >> lane & 1)) continue;
+        if (!ray_meets(rays, lane, cluster.centre[0], cluster.centre[1], cluster.centre[2], cluster.radius))
+            continue;
+        const float ox = rays.origin[0][lane], oy = rays.origin[1][lane], oz = rays.origin[2][lane];
+        for (uint32_t t = 0; t < cluster.triangle_count; ++t) {
+            const auto bound = [&](uint32_t array) { return cluster.bounds[array * slots + t]; };
+            if (!ray_meets(rays, lane, bound(4), bound(5), bound(6), bound(7))) continue;
             const float height = bound(0) * ox + bound(1) * oy + bound(2) * oz - bound(3);
-            if (left == 3 && height < -margin) ++winding[lane];
-            if (left == 0 && height > margin) --winding[lane];
+            winding[lane] += crossing(rays, lane, cluster, points, t, height);
         }
     }
 }

@@ -95,4 +95,31 @@ inline bool in_band(const ClusterView& cluster, const Vec corner[3]) {
     return low < cluster.farthest * cluster.farthest && inner >= cluster.nearest * cluster.nearest;
 }
 
+// A triangle whose plane passes a ray's origin no farther off than this is not crossed by it.
+constexpr float crossing_margin = 4e-6f;
+
+// 1 where the lane's ray leaves through the triangle, -1 where it enters, else 0. `height`: of the origin
+// over the triangle's plane.
+inline int32_t crossing(const Rays& rays, uint32_t lane, const ClusterView& cluster, const float* points,
+                        uint32_t triangle, float height) {
+    const auto along = [&](uint32_t axis, float x, float y, float z) {
+        return x * rays.across[axis][0] + y * rays.across[axis][1] + z * rays.across[axis][2];
+    };
+    const float ox = rays.origin[0][lane], oy = rays.origin[1][lane], oz = rays.origin[2][lane];
+    float u[3], v[3];
+    for (uint32_t k = 0; k < 3; ++k) {
+        const float* p = points + 4 * size_t(cluster.vertices[cluster.triangles[8 * triangle + k]]);
+        u[k] = along(0, p[0], p[1], p[2]) - along(0, ox, oy, oz);
+        v[k] = along(1, p[0], p[1], p[2]) - along(1, ox, oy, oz);
+    }
+    uint32_t left = 0; // edges that have the ray on their left
+    for (uint32_t k = 0; k < 3; ++k) {
+        const uint32_t n = (k + 1) % 3;
+        const float side = u[k] * v[n] - v[k] * u[n];
+        left += side > 0 || (side == 0 && (u[k] < u[n] || (u[k] == u[n] && v[k] < v[n])));
+    }
+    if (left == 3 && height < -crossing_margin) return 1;
+    return left == 0 && height > crossing_margin ? -1 : 0;
+}
+
 } // namespace nusselt::kernels

@@ -5,6 +5,7 @@
 
 #include "kernels/compress_table.h"
 #include "kernels/prepare.h"
+#include "kernels/scalar.h"
 #include "kernels/touching.h"
 
 #include <cstring>
@@ -353,79 +354,92 @@ uint32_t select_along(const Rays& rays, const ClusterBounds& clusters, uint32_t 
     return count;
 }
 
+// Rays along the axis 0 to 2, or 3: in any direction. (x, y, z): from their origin to a sphere's centre.
+template<uint32_t axis>
+HWY_INLINE M ray_meets(const Rays& rays, V x, V y, V z, V radius) {
+    const V offset[3] = {x, y, z};
+    V u, v, along;
+    if constexpr (axis < 3) {
+        // A sum of a component and two zeros is the component; its sign falls out of the squares.
+        u = offset[(axis + 1) % 3];
+        v = offset[(axis + 2) % 3];
+        along = hn::Mul(offset[axis], constant(rays.direction[axis]));
+    } else {
+        const auto turn = [&](const float unit[3]) HWY_ATTR {
+            return dot(x, y, z, constant(unit[0]), constant(unit[1]), constant(unit[2]));
+        };
+        u = turn(rays.across[0]);
+        v = turn(rays.across[1]);
+        along = turn(rays.direction);
+    }
+    const V reach = hn::Add(hn::Mul(radius, constant(1.0001f)), constant(4e-6f));
+    return hn::And(hn::Ge(hn::Add(along, reach), hn::Zero(df)),
+                   hn::Le(hn::Add(hn::Mul(u, u), hn::Mul(v, v)), hn::Mul(reach, reach)));
+}
+
+// Lanes are rays for the cluster's sphere, then triangles for each ray that meets it: of a receiver's own
+// surroundings, where all rays start, each ray meets but a few triangles.
+template<uint32_t axis>
+void count_crossings_of(const Rays& rays, const ClusterView& cluster, const float* points,
+                        int32_t winding[lanes]) {
+    uint32_t met = 0;
+    for (uint32_t lane = 0; lane < lanes; lane += width) {
+        const auto offset = [&](uint32_t i) HWY_ATTR {
+            return hn::Sub(constant(cluster.centre[i]), hn::Load(df, rays.origin[i] + lane));
+        };
+        met |= bits_of(ray_meets<axis>(rays, offset(0), offset(1), offset(2), constant(cluster.radius)))
+               << lane;
+    }
+    const uint32_t slots = triangle_slots(cluster.triangle_count);
+    const V margin = constant(crossing_margin);
+    for (met &= rays.active; met; met &= met - 1) {
+        const uint32_t lane = static_cast<uint32_t>(__builtin_ctz(met));
+        const V ox = constant(rays.origin[0][lane]), oy = constant(rays.origin[1][lane]),
+                oz = constant(rays.origin[2][lane]);
+        for (uint32_t t = 0; t < slots; t += width) {
+            const auto load = [&](uint32_t array)
+                                  HWY_ATTR { return hn::LoadU(df, cluster.bounds + array * slots + t); };
+            const V height = hn::Sub(dot(load(0), load(1), load(2), ox, oy, oz), load(3));
+            const M near = ray_meets<axis>(rays, hn::Sub(load(4), ox), hn::Sub(load(5), oy),
+                                           hn::Sub(load(6), oz), load(7));
+            uint32_t left = bits_of(hn::And(near, hn::Gt(hn::Abs(height), margin)));
+            if (!left) continue;
+            alignas(64) float heights[width];
+            hn::Store(height, df, heights);
+            for (; left; left &= left - 1) {
+                const uint32_t i = static_cast<uint32_t>(__builtin_ctz(left));
+                winding[lane] += crossing(rays, lane, cluster, points, t + i, heights[i]);
+            }
+        }
+    }
+}
+
 void count_crossings(const Rays& rays, const ClusterView& cluster, const float* points,
                      int32_t winding[lanes]) {
-    const uint32_t slots = triangle_slots(cluster.triangle_count);
-    uint64_t met = 0;
-    for (uint32_t t = 0; t < slots; t += width) {
-        const auto load = [&](uint32_t array)
-                              HWY_ATTR { return hn::LoadU(df, cluster.bounds + (4 + array) * slots + t); };
-        met |= uint64_t(bits_of(meets(rays, load))) << t;
+    const float* d = rays.direction;
+    const uint32_t zeros = uint32_t(d[0] == 0) | uint32_t(d[1] == 0) << 1 | uint32_t(d[2] == 0) << 2;
+    switch (zeros) {
+    case 6:
+        return count_crossings_of<0>(rays, cluster, points, winding);
+    case 5:
+        return count_crossings_of<1>(rays, cluster, points, winding);
+    case 3:
+        return count_crossings_of<2>(rays, cluster, points, winding);
+    default:
+        return count_crossings_of<3>(rays, cluster, points, winding);
     }
-    if (cluster.triangle_count < 64) met &= (1ull << cluster.triangle_count) - 1;
-    if (!met) return;
-    uint32_t single[2];
-    for (uint32_t axis = 0; axis < 2; ++axis) {
-        const float* unit = rays.across[axis];
-        const uint32_t zeros =
-            uint32_t(unit[0] == 0) | uint32_t(unit[1] == 0) << 1 | uint32_t(unit[2] == 0) << 2;
-        single[axis] = zeros == 6 ? 0 : zeros == 5 ? 1 : zeros == 3 ? 2 : 3;
-    }
-    const auto across = [&](uint32_t axis, V x, V y, V z) HWY_ATTR {
-        const float* unit = rays.across[axis];
-        return dot(x, y, z, constant(unit[0]), constant(unit[1]), constant(unit[2]));
+}
+
+// Receivers at one of the triangle's corners: all that touch it, nearly always.
+HWY_INLINE M at_corner(const Chunk& chunk, const ClusterView& cluster, const float* points,
+                       const uint8_t* triangle) {
+    const auto at = [&](uint32_t k) HWY_ATTR {
+        const float* p = points + 4 * size_t(cluster.vertices[triangle[k]]);
+        return hn::And(
+            hn::And(hn::Eq(chunk.position[0], constant(p[0])), hn::Eq(chunk.position[1], constant(p[1]))),
+            hn::Eq(chunk.position[2], constant(p[2])));
     };
-    const V margin = constant(4e-6f), opposite = constant(-4e-6f), zero = hn::Zero(df);
-    for (uint32_t lane = 0; lane < lanes; lane += width) {
-        const uint32_t active = rays.active >> lane & chunk_bits;
-        if (!active) continue;
-        const V ox = hn::Load(df, rays.origin[0] + lane), oy = hn::Load(df, rays.origin[1] + lane),
-                oz = hn::Load(df, rays.origin[2] + lane);
-        const V start_u = across(0, ox, oy, oz), start_v = across(1, ox, oy, oz);
-        const M there = mask_of(active);
-        // Most rays run along an axis; a sum of its component and two zeros is the component.
-        const auto along = [&](uint32_t axis, const float* p) HWY_ATTR {
-            const float* unit = rays.across[axis];
-            const uint32_t only = single[axis];
-            return constant(only < 3 ? p[only] * unit[only]
-                                     : p[0] * unit[0] + p[1] * unit[1] + p[2] * unit[2]);
-        };
-        auto sum = hn::LoadU(di, winding + lane);
-        for (uint64_t rest = met; rest; rest &= rest - 1) {
-            const uint32_t t = static_cast<uint32_t>(__builtin_ctzll(rest));
-            const uint8_t* corner = cluster.triangles + 8 * t;
-            V u[3], v[3];
-            for (uint32_t k = 0; k < 3; ++k) {
-                const float* p = points + 4 * size_t(cluster.vertices[corner[k]]);
-                u[k] = hn::Sub(along(0, p), start_u);
-                v[k] = hn::Sub(along(1, p), start_v);
-            }
-            const auto side_of = [&](uint32_t k, uint32_t n)
-                                     HWY_ATTR { return hn::Sub(hn::Mul(u[k], v[n]), hn::Mul(v[k], u[n])); };
-            const V side[3] = {side_of(0, 1), side_of(1, 2), side_of(2, 0)};
-            const V low = hn::Min(hn::Min(side[0], side[1]), side[2]),
-                    high = hn::Max(hn::Max(side[0], side[1]), side[2]);
-            if (!bits_of(hn::Or(hn::Ge(low, zero), hn::Le(high, zero)))) continue;
-            M left[3];
-            for (uint32_t k = 0; k < 3; ++k) {
-                const uint32_t n = (k + 1) % 3;
-                const M forward = hn::Or(hn::Lt(u[k], u[n]), hn::And(hn::Eq(u[k], u[n]), hn::Lt(v[k], v[n])));
-                left[k] = hn::Or(hn::Gt(side[k], zero), hn::And(hn::Eq(side[k], zero), forward));
-            }
-            const M behind = hn::And(hn::And(left[0], left[1]), hn::And(left[2], there));
-            const M before = hn::AndNot(hn::Or(hn::Or(left[0], left[1]), left[2]), there);
-            const float* plane = cluster.bounds + t;
-            const V height = hn::Sub(
-                dot(constant(plane[0]), constant(plane[slots]), constant(plane[2 * slots]), ox, oy, oz),
-                constant(plane[3 * slots]));
-            const M leaves = hn::And(behind, hn::Lt(height, opposite));
-            const M enters = hn::And(before, hn::Gt(height, margin));
-            // A mask is -1 as a number.
-            sum = hn::Sub(sum, hn::VecFromMask(di, hn::RebindMask(di, leaves)));
-            sum = hn::Add(sum, hn::VecFromMask(di, hn::RebindMask(di, enters)));
-        }
-        hn::StoreU(sum, di, winding + lane);
-    }
+    return hn::Or(hn::Or(at(0), at(1)), at(2));
 }
 
 template<PlaneMap map>
@@ -464,11 +478,15 @@ void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float
                         constant(plane[3 * slots]));
             front[t] = bits_of(hn::Gt(height, margin)) & valid;
             back[t] = cluster.two_sided ? bits_of(hn::Lt(height, opposite)) & valid : 0;
-            const uint32_t touching = bits_of(hn::Le(hn::Abs(height), touch)) & valid;
-            if (HWY_UNLIKELY(touching != 0)) {
-                touching_jobs(batch, cluster, points, t, touching << lane, layout, horizon, jobs, counters);
-            }
             const uint8_t* triangle = cluster.triangles + 8 * t;
+            const M touches = hn::Le(hn::Abs(height), touch);
+            if (HWY_UNLIKELY(!hn::AllFalse(df, touches))) {
+                const uint32_t touching =
+                    bits_of(hn::AndNot(at_corner(chunk, cluster, points, triangle), touches)) & valid;
+                if (touching)
+                    touching_jobs(batch, cluster, points, t, touching << lane, layout, horizon, jobs,
+                                  counters);
+            }
             const uint64_t own = 1ull << triangle[0] | 1ull << triangle[1] | 1ull << triangle[2];
             const bool any = (front[t] | back[t]) != 0;
             corners |= any ? own : 0;
