@@ -43,7 +43,7 @@ struct MeshSlice {
     FrameMesh in;                       // the caller's arrays
     uint64_t checksum = 0;              // of what is read, at `submit` (NUSSELT_CHECKED)
     uint32_t first_point = 0, first_point_chunk = 0;
-    uint32_t first_cluster = 0;
+    uint32_t first_cluster = 0, first_group = 0;
     uint32_t first_region = 0, first_own_region = 0; // of receivers; from first_own_region on of duplicates
     uint32_t first_output = 0;                       // of in.output_count
     Gloss gloss;                                     // what in.gloss points to
@@ -93,11 +93,20 @@ struct Tally {
     uint64_t ticks[6] = {}; // by Stage
 };
 
+// Clusters that are looked at together: so many of one level, one after the other. Cuts by medians put
+// neighbours there.
+constexpr uint32_t group_clusters = 16;
+
+constexpr uint32_t groups_of(uint32_t clusters) {
+    return (clusters + group_clusters - 1) / group_clusters;
+}
+
 // The levels of a mesh: their clusters, and the distances at which some of these are drawn.
 struct LevelBands {
     struct Level {
         uint32_t begin, end;
         float nearest, farthest;
+        uint32_t first_group;
     };
     Level levels[max_levels];
     uint32_t count = 0;
@@ -130,15 +139,16 @@ struct Worker {
         : scratch(HostAllocator<kernels::ClusterScratch>(a)), masks(HostAllocator<uint8_t>(a)),
           jobs(HostAllocator<uint32_t>(a)), near(HostAllocator<uint16_t>(a)),
           candidates(HostAllocator<uint32_t>(a)), selected(HostAllocator<uint32_t>(a)),
-          meshes(HostAllocator<uint32_t>(a)), visible(HostAllocator<uint32_t>(a)),
-          far_meshes(HostAllocator<uint32_t>(a)), masks_before(HostAllocator<uint8_t>(a)),
-          points_before(HostAllocator<float>(a)) {}
+          groups(HostAllocator<uint32_t>(a)), meshes(HostAllocator<uint32_t>(a)),
+          visible(HostAllocator<uint32_t>(a)), far_meshes(HostAllocator<uint32_t>(a)),
+          masks_before(HostAllocator<uint8_t>(a)), points_before(HostAllocator<float>(a)) {}
 
     Vector<kernels::ClusterScratch> scratch; // one
     Vector<uint8_t> masks;                   // of a batch, for each shell
     Vector<uint32_t> jobs;                   // the job list's four arrays
     Vector<uint16_t> near; // by welded vertex, one bit a lane (quality `paper`); zero between batches
     Vector<uint32_t> candidates, selected;
+    Vector<uint32_t> groups;            // of clusters, that may matter
     Vector<uint32_t> meshes;            // of the frame, that may matter
     Vector<uint32_t> visible;           // of the candidates (frames with a visible set)
     Vector<uint32_t> far_meshes;        // of other objects, seen from the region's middle alone
@@ -186,8 +196,8 @@ struct Frame {
           radius(a), cone{FloatArray(a), FloatArray(a), FloatArray(a)}, cone_cos(a), cone_sin(a),
           triangle_radius(a), nearest(a), farthest(a), views(HostAllocator<kernels::ClusterView>(a)),
           cluster_mesh(HostAllocator<uint32_t>(a)), cluster_bounds_begin(HostAllocator<uint32_t>(a)),
-          mesh_bounds(a), far_views(HostAllocator<FarView>(a)), closed_boxes(HostAllocator<MeshBox>(a)),
-          level_bands(HostAllocator<LevelBands>(a)), history(a) {}
+          group_bounds(a), mesh_bounds(a), far_views(HostAllocator<FarView>(a)),
+          closed_boxes(HostAllocator<MeshBox>(a)), level_bands(HostAllocator<LevelBands>(a)), history(a) {}
 
     // Fixed in `submit`.
     const kernels::Kernels* kernels = nullptr;
@@ -209,7 +219,7 @@ struct Frame {
     Vector<MeshSlice> meshes;     // the caller's, and after them the backs of those that have one
     uint32_t mesh_count = 0;      // the caller's
     Vector<OutputStream> outputs; // of all slices in turn
-    uint32_t point_count = 0, point_chunks = 0, cluster_count = 0, triangle_bounds_count = 0;
+    uint32_t point_count = 0, point_chunks = 0, cluster_count = 0, group_count = 0, triangle_bounds_count = 0;
     // Meshes of other objects are drawn as proxies: the arrays of clusters below then hold cluster c once
     // more at cluster_count + c, as receivers of other objects see it.
     bool proxies = false;
@@ -232,10 +242,11 @@ struct Frame {
     Vector<kernels::ClusterView> views;
     Vector<uint32_t> cluster_mesh, cluster_bounds_begin;
     kernels::ClusterBounds cluster_bounds{};
-    ClusterBoundsArrays mesh_bounds; // a sphere around each mesh
-    Vector<FarView> far_views;       // of each mesh, where there is a far_table
-    Vector<MeshBox> closed_boxes;    // around what of each mesh can hold a receiver
-    Vector<LevelBands> level_bands;  // of each mesh, then of each mesh's proxy
+    ClusterBoundsArrays group_bounds; // a sphere around each group of clusters, of proxies at group_count + g
+    ClusterBoundsArrays mesh_bounds;  // a sphere around each mesh
+    Vector<FarView> far_views;        // of each mesh, where there is a far_table
+    Vector<MeshBox> closed_boxes;     // around what of each mesh can hold a receiver
+    Vector<LevelBands> level_bands;   // of each mesh, then of each mesh's proxy
 
     // A frame with a history is kept for it: the arrays above are then those of its last frame.
     bool has_history = false;

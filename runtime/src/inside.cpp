@@ -1,5 +1,6 @@
 #include "inside.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -42,6 +43,23 @@ uint32_t within(const MeshBox& box, const Rays& rays) {
     return held;
 }
 
+// Of a mesh's first clusters, the closed ones of the full mesh, those that the rays may meet: to
+// worker.selected.
+uint32_t clusters_along(const Frame& frame, uint32_t mesh, uint32_t closed, Worker& worker) {
+    const Kernels& k = *frame.kernels;
+    const uint32_t first = frame.meshes[mesh].first_cluster, end = first + closed;
+    const uint32_t first_group = frame.meshes[mesh].first_group;
+    const uint32_t groups = k.select_along(worker.rays, frame.group_bounds.view(0), first_group,
+                                           first_group + groups_of(closed), worker.groups.data());
+    uint32_t count = 0;
+    for (uint32_t g = 0; g < groups; ++g) {
+        const uint32_t begin = first + (worker.groups[g] - first_group) * group_clusters;
+        count += k.select_along(worker.rays, frame.cluster_bounds, begin,
+                                std::min(begin + group_clusters, end), worker.selected.data() + count);
+    }
+    return count;
+}
+
 // What all closed parts wind around the rays' origins. Returns the lanes for which that is not known: their
 // ray may meet a broken triangle.
 uint32_t count_winding(const Frame& frame, Worker& worker, int32_t winding[lanes]) {
@@ -54,9 +72,7 @@ uint32_t count_winding(const Frame& frame, Worker& worker, int32_t winding[lanes
         if (!held) continue;
         int32_t own[lanes] = {};
         const uint32_t closed = slice.in.receive_only ? 0 : slice.mesh->closed_clusters;
-        const uint32_t first = slice.first_cluster, end = first + closed;
-        const uint32_t count =
-            k.select_along(worker.rays, frame.cluster_bounds, first, end, worker.selected.data());
+        const uint32_t count = clusters_along(frame, m, closed, worker);
         const float* points = frame.points.data() + 4 * size_t(slice.first_point);
         for (uint32_t i = 0; i < count; ++i) {
             const uint32_t c = worker.selected[i];

@@ -22,7 +22,7 @@ uint32_t region_size(const Frame& frame) {
 
 void lay_out(Frame& frame) {
     frame.point_count = frame.point_chunks = frame.cluster_count = 0;
-    frame.triangle_bounds_count = 0;
+    frame.group_count = frame.triangle_bounds_count = 0;
     frame.any_closed = false;
     frame.region_count = 0;
     frame.region_size = region_size(frame);
@@ -48,9 +48,11 @@ void lay_out(Frame& frame) {
         s.first_point = frame.point_count;
         s.first_point_chunk = frame.point_chunks;
         s.first_cluster = frame.cluster_count;
+        s.first_group = frame.group_count;
         frame.point_count += points;
         frame.point_chunks += (points + point_chunk - 1) / point_chunk;
         frame.cluster_count += s.clusters->count();
+        frame.group_count += groups_of(s.clusters->count()) + max_levels; // each level begins one
         frame.any_closed |= !frame.quality.paper && !s.in.receive_only && s.mesh->closed_clusters > 0;
         for (uint32_t c = 0; c < s.clusters->count(); ++c) {
             const uint32_t triangles = s.clusters->triangle_begin[c + 1] - s.clusters->triangle_begin[c];
@@ -88,6 +90,7 @@ void grow(Frame& frame) {
     frame.level_errors.resize(frame.cluster_count);
     frame.broken.resize(frame.cluster_count);
     frame.cluster_bounds_begin.resize(frame.cluster_count);
+    frame.group_bounds.resize(frame.proxies ? 2 * frame.group_count : frame.group_count);
     frame.mesh_bounds.resize(frame.meshes.size());
     frame.closed_boxes.resize(frame.meshes.size());
     if (frame.far_table) frame.far_views.resize(frame.mesh_count);
@@ -110,6 +113,7 @@ void grow(Frame& frame) {
         if (frame.quality.paper) w.near.resize(frame.point_count, 0);
         w.candidates.resize(clusters + 16);
         w.selected.resize(clusters + 16);
+        w.groups.resize(frame.group_count + 16);
         w.meshes.resize(frame.meshes.size() + 16);
         w.far_meshes.resize(frame.meshes.size());
         if (frame.visible) w.visible.resize(clusters + 16);

@@ -13,6 +13,7 @@ namespace {
 using namespace kernels;
 
 constexpr uint32_t few_parts = 64;
+constexpr uint32_t few_clusters = 4 * group_clusters; // of a level, that are looked at one by one
 
 // A box around spheres.
 MeshBox box_clusters(const Frame& frame, uint32_t begin, uint32_t end) {
@@ -37,9 +38,14 @@ MeshBox box_closed(const Frame& frame, const MeshSlice& slice) {
     return box_clusters(frame, first, first + closed);
 }
 
-// How far spheres reach from a point.
-float reach_of(const Frame& frame, uint32_t begin, uint32_t end, const float centre[3]) {
-    float radius = 0;
+// A sphere around spheres, from the middle of their box: entry `to` of `out`.
+void bound_sphere(const Frame& frame, uint32_t begin, uint32_t end, ClusterBoundsArrays& out, uint32_t to) {
+    const MeshBox box = box_clusters(frame, begin, end);
+    float centre[3], radius = 0;
+    for (uint32_t k = 0; k < 3; ++k) {
+        centre[k] = begin < end ? 0.5f * box.low[k] + 0.5f * box.high[k] : 0.0f;
+        out.centre[k].data()[to] = centre[k];
+    }
     for (uint32_t c = begin; c < end; ++c) {
         float square = 0;
         for (uint32_t k = 0; k < 3; ++k) {
@@ -48,19 +54,40 @@ float reach_of(const Frame& frame, uint32_t begin, uint32_t end, const float cen
         }
         radius = std::max(radius, std::sqrt(square) + frame.radius.data()[c]);
     }
-    return radius * 1.00001f;
+    out.radius.data()[to] = radius * 1.00001f;
 }
 
-// The levels from cluster `first` on, with what their clusters' bands have in common.
-void band_levels(const Frame& frame, const Clusters& clusters, uint32_t first, LevelBands& out) {
+// The levels from cluster `first` and group `first_group` on, with what their clusters' bands have in common.
+void band_levels(const Frame& frame, const Clusters& clusters, uint32_t first, uint32_t first_group,
+                 LevelBands& out) {
     out.count = 0;
     for (uint32_t c = 0; c < clusters.count(); ++c) {
-        if (c == 0 || clusters.level[c] != clusters.level[c - 1])
-            out.levels[out.count++] = {first + c, first + c, FLT_MAX, 0};
+        if (c == 0 || clusters.level[c] != clusters.level[c - 1]) {
+            if (out.count > 0) {
+                const LevelBands::Level& before = out.levels[out.count - 1];
+                first_group = before.first_group + groups_of(before.end - before.begin);
+            }
+            out.levels[out.count++] = {first + c, first + c, FLT_MAX, 0, first_group};
+        }
         LevelBands::Level& level = out.levels[out.count - 1];
         ++level.end;
         level.nearest = std::min(level.nearest, frame.nearest.data()[first + c]);
         level.farthest = std::max(level.farthest, frame.farthest.data()[first + c]);
+    }
+}
+
+// Spheres around the groups of each level, in the level's band.
+void bound_groups(Frame& frame, const LevelBands& bands) {
+    ClusterBoundsArrays& groups = frame.group_bounds;
+    for (uint32_t l = 0; l < bands.count; ++l) {
+        const LevelBands::Level& level = bands.levels[l];
+        for (uint32_t begin = level.begin, g = level.first_group; begin < level.end;
+             begin += group_clusters, ++g) {
+            bound_sphere(frame, begin, std::min(begin + group_clusters, level.end), groups, g);
+            groups.cone_cos.data()[g] = -1;
+            groups.nearest.data()[g] = level.nearest;
+            groups.farthest.data()[g] = level.farthest;
+        }
     }
 }
 
@@ -113,22 +140,42 @@ Apart apart_from_mesh(const Frame& frame, uint32_t m, const ReceiverBounds& rece
     return apart(bounds.centre, bounds.radius, m, receivers);
 }
 
+// Of clusters begin to end those that can reach the receivers.
+uint32_t select_run(const Frame& frame, uint32_t begin, uint32_t end, const ReceiverBounds& receivers,
+                    uint32_t* selected, uint64_t& tested) {
+    const ClusterBounds bounds = from_cluster(frame.cluster_bounds, begin, end - begin);
+    const uint32_t count = frame.kernels->select_clusters(receivers, bounds, nullptr, bounds.count,
+                                                          frame.tables->horizon, selected, &tested);
+    for (uint32_t i = 0; i < count; ++i)
+        selected[i] += begin;
+    return count;
+}
+
 // The clusters of a mesh's levels, in their bands, that can reach the receivers.
 uint32_t select_levels(const Frame& frame, uint32_t m, const LevelBands& bands,
-                       const ReceiverBounds& receivers, uint32_t* selected, uint64_t& tested) {
+                       const ReceiverBounds& receivers, uint32_t* selected, Worker& worker) {
     const Apart mesh = apart_from_mesh(frame, m, receivers);
+    const ClusterBounds all_groups = frame.group_bounds.view(0);
     uint32_t count = 0;
     for (uint32_t l = 0; l < bands.count; ++l) {
         const LevelBands::Level& level = bands.levels[l];
         if (mesh.distance - mesh.reach >= level.farthest || mesh.distance + mesh.reach < level.nearest)
             continue;
-        const ClusterBounds bounds = from_cluster(frame.cluster_bounds, level.begin, level.end - level.begin);
-        uint32_t* const out = selected + count;
-        const uint32_t own = frame.kernels->select_clusters(receivers, bounds, nullptr, bounds.count,
-                                                            frame.tables->horizon, out, &tested);
-        for (uint32_t j = 0; j < own; ++j)
-            out[j] += level.begin;
-        count += own;
+        if (level.end - level.begin <= few_clusters) {
+            count += select_run(frame, level.begin, level.end, receivers, selected + count,
+                                worker.tally.clusters_tested);
+            continue;
+        }
+        uint64_t looked_at = 0;
+        const ClusterBounds own =
+            from_cluster(all_groups, level.first_group, groups_of(level.end - level.begin));
+        const uint32_t found = frame.kernels->select_clusters(
+            receivers, own, nullptr, own.count, frame.tables->horizon, worker.groups.data(), &looked_at);
+        for (uint32_t i = 0; i < found; ++i) {
+            const uint32_t begin = level.begin + worker.groups[i] * group_clusters;
+            count += select_run(frame, begin, std::min(begin + group_clusters, level.end), receivers,
+                                selected + count, worker.tally.clusters_tested);
+        }
     }
     return count;
 }
@@ -175,20 +222,19 @@ bool needs_proxies(const Frame& frame) {
 void bound_mesh(Frame& frame, uint32_t m) {
     const MeshSlice& slice = frame.meshes[m];
     const uint32_t first = slice.first_cluster, count = slice.clusters->count();
-    const MeshBox box = box_clusters(frame, first, first + count);
-    float centre[3];
-    for (uint32_t k = 0; k < 3; ++k) {
-        centre[k] = count > 0 ? 0.5f * box.low[k] + 0.5f * box.high[k] : 0.0f;
-        frame.mesh_bounds.centre[k].data()[m] = centre[k];
-    }
+    bound_sphere(frame, first, first + count, frame.mesh_bounds, m);
     frame.closed_boxes[m] = box_closed(frame, slice);
-    frame.mesh_bounds.radius.data()[m] = reach_of(frame, first, first + count, centre);
     frame.mesh_bounds.cone_cos.data()[m] = -1;
     frame.mesh_bounds.farthest.data()[m] = FLT_MAX;
-    band_levels(frame, *slice.clusters, first, frame.level_bands[m]);
+    LevelBands& own = frame.level_bands[m];
+    band_levels(frame, *slice.clusters, first, slice.first_group, own);
+    bound_groups(frame, own);
     if (!frame.proxies) return;
     copy_proxies(frame, m);
-    band_levels(frame, *slice.clusters, frame.cluster_count + first, frame.level_bands[frame.mesh_count + m]);
+    LevelBands& proxy = frame.level_bands[frame.mesh_count + m];
+    band_levels(frame, *slice.clusters, frame.cluster_count + first, frame.group_count + slice.first_group,
+                proxy);
+    bound_groups(frame, proxy);
 }
 
 kernels::ReceiverBounds middle_of(const Frame& frame, uint32_t m) {
@@ -208,8 +254,8 @@ uint32_t list_farther(const Frame& frame, uint32_t m, uint32_t* meshes) {
 }
 
 uint32_t select_proxies(const Frame& frame, uint32_t m, const ReceiverBounds& receivers, uint32_t* selected,
-                        uint64_t& tested) {
-    return select_levels(frame, m, frame.level_bands[frame.mesh_count + m], receivers, selected, tested);
+                        Worker& worker) {
+    return select_levels(frame, m, frame.level_bands[frame.mesh_count + m], receivers, selected, worker);
 }
 
 uint32_t select_candidates(const Frame& frame, const MeshSlice& slice, const ReceiverBounds& receivers,
@@ -226,8 +272,7 @@ uint32_t select_candidates(const Frame& frame, const MeshSlice& slice, const Rec
         const uint32_t m = worker.meshes[i];
         uint32_t* const out = worker.candidates.data() + count;
         if (!frame.proxies || frame.meshes[m].in.object == slice.in.object) {
-            count +=
-                select_levels(frame, m, frame.level_bands[m], receivers, out, worker.tally.clusters_tested);
+            count += select_levels(frame, m, frame.level_bands[m], receivers, out, worker);
         } else if (has_view && is_farther(frame, m, own)) {
             continue; // look_farther
         } else if (!frame.has_history && is_small(frame, m, home)) {
@@ -236,7 +281,7 @@ uint32_t select_candidates(const Frame& frame, const MeshSlice& slice, const Rec
         } else if (slice.looks_far && is_far(frame, m, home)) {
             worker.far_meshes[worker.far_count++] = m;
         } else {
-            count += select_proxies(frame, m, receivers, out, worker.tally.clusters_tested);
+            count += select_proxies(frame, m, receivers, out, worker);
         }
     }
     return count;

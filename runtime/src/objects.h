@@ -15,7 +15,7 @@ void bound_mesh(Frame& frame, uint32_t m);
 
 // The clusters of mesh m as a proxy that may matter to the receivers; returns how many.
 uint32_t select_proxies(const Frame& frame, uint32_t m, const kernels::ReceiverBounds& receivers,
-                        uint32_t* selected, uint64_t& tested);
+                        uint32_t* selected, Worker& worker);
 
 // The sphere around mesh m, as bounds of receivers that look every way.
 kernels::ReceiverBounds middle_of(const Frame& frame, uint32_t m);
