@@ -44,8 +44,7 @@ void draw_around(const Frame& frame, const float centre[3], const uint32_t* mesh
     JobList jobs = job_list(worker);
     uint32_t selected = 0;
     for (uint32_t i = 0; i < count; ++i)
-        selected += select_proxies(frame, meshes[i], batch.bounds, worker.selected.data() + selected,
-                                   worker.tally.clusters_tested);
+        selected += select_proxies(frame, meshes[i], batch.bounds, worker.selected.data() + selected, worker);
     worker.tally.clusters_rasterized += selected;
     for (uint32_t i = 0; i < selected; ++i) {
         const uint32_t c = worker.selected[i];
