@@ -479,6 +479,12 @@ TEST_F(Program, Demo) {
         EXPECT_LT(scene["clear_mean"], 0.08) << name;
         EXPECT_TRUE(fs::exists(folder / "out" / "demo" / "frames" / (name + "_01.png")));
     }
+    const auto& crowd = table["crowd"];
+    EXPECT_GE(crowd["objects"], 16);
+    EXPECT_LT(crowd["clear_mean"].get<double>(), 0.6 * crowd["alone_clear_mean"].get<double>());
+    EXPECT_EQ(crowd["growth"].size(), 5u);
+    EXPECT_TRUE(fs::exists(folder / "out" / "demo" / "frames" / "crowd.png"));
+    EXPECT_NE(page.find("<svg"), std::string::npos);
 }
 
 } // namespace

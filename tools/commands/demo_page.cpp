@@ -56,6 +56,8 @@ animation is known in advance.</p>
 <th>ms a frame</th><th>&micro;s a vertex</th><th>Error, mean</th><th>p99</th><th>Clear, mean</th><th>p99</th><th>Noise of the reference</th>
 <th>Paper's error</th></tr></thead><tbody></tbody></table></div>
 <div id="scenes"></div>
+<section class="card" id="crowd"><div class="head"><h2>Crowd</h2><span class="figures"></span></div><div class="trio"></div>
+<figure style="margin-top:0.9rem;overflow-x:auto"></figure></section>
 <div class="card"><h2 style="text-transform:none">What the figures mean</h2><div id="notes"></div></div>
 </main>
 <script>
@@ -130,6 +132,23 @@ for (const scene of data.scenes) {
   slider.oninput = show;
   show();
 }
+const crowd = data.crowd;
+["Each alone", "As objects of one frame", "Ray-traced reference"].forEach((title, k) => {
+  const figure = element("figure", document.querySelector("#crowd .trio"));
+  const image = element("img", figure);
+  image.width = crowd.width;
+  image.height = crowd.height;
+  image.style.height = "auto";
+  image.alt = "crowd, " + title;
+  image.src = "data:image/jpeg;base64," + crowd.images[k];
+  element("figcaption", figure, title);
+});
+document.querySelector("#crowd .figures").innerHTML = "<b>" + crowd.objects + "</b> objects, " + crowd.vertices +
+  " vertices &nbsp; <b>" + crowd.cpu_ms.toFixed(1) + "</b> ms of processor time, <b>" + crowd.over_alone.toFixed(2) +
+  "</b> times each alone &nbsp; clear error <b>" + percent(crowd.clear_mean) + "</b> mean, <b>" + percent(crowd.clear_p99) +
+  "</b> p99 (each alone " + percent(crowd.alone_clear_mean) + ")";
+document.querySelector("#crowd > figure").innerHTML = crowd.plot +
+  "<figcaption style='text-align:left'>What a receiver costs as objects are added</figcaption>";
 for (const note of data.notes) element("p", document.querySelector("#notes"), note);
 </script>
 </body>
