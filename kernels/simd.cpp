@@ -280,10 +280,15 @@ uint32_t select_clusters(const ReceiverBounds& receivers, const ClusterBounds& c
     return count;
 }
 
-// The cluster's triangles that some receiver of the batch may see, one bit each: lanes are triangles here, so
-// that a triangle which no receiver sees costs a sixteenth of one that is worked on. Conservative.
-HWY_INLINE uint64_t visible_triangles(const ReceiverBounds& receivers, const ClusterView& cluster,
-                                      float horizon) {
+// Of a cluster's triangles, one bit each: those that some receiver of the batch may see, and those of them
+// that face all receivers, or none. The first is conservative, and so is the second, the other way round.
+struct FirstLook {
+    uint64_t visible, faces_all, faces_none;
+};
+
+// Lanes are triangles here, so that a triangle which no receiver sees costs a sixteenth of one that is worked
+// on.
+HWY_INLINE FirstLook first_look(const ReceiverBounds& receivers, const ClusterView& cluster, float horizon) {
     const uint32_t slots = triangle_slots(cluster.triangle_count);
     const V zero = hn::Zero(df), slope = constant(std::sqrt(1 + horizon * horizon)),
             tangent = constant(horizon);
@@ -297,7 +302,9 @@ HWY_INLINE uint64_t visible_triangles(const ReceiverBounds& receivers, const Clu
     const V clearance = constant(cluster.full ? -cluster.clearance - 1e-5f : cluster.clearance);
     const M narrow = hn::Gt(cone_cos, zero);
     const M two_sided = hn::Gt(constant(cluster.two_sided ? 1.0f : 0.0f), zero);
-    uint64_t visible = 0;
+    // What kernels add to the clearance is below 6e-6.
+    const V clear = constant(cluster.clearance + 1e-5f), opposite = constant(-cluster.clearance - 1e-5f);
+    FirstLook look{};
     for (uint32_t t = 0; t < slots; t += width) {
         const auto load = [&](uint32_t array)
                               HWY_ATTR { return hn::LoadU(df, cluster.bounds + array * slots + t); };
@@ -320,9 +327,14 @@ HWY_INLINE uint64_t visible_triangles(const ReceiverBounds& receivers, const Clu
         const M lower = hn::And(hn::Lt(hn::Add(hn::Sub(height, hn::Mul(tangent, side)), steep), zero),
                                 hn::Gt(square, hn::Mul(steep, steep)));
         const M low = hn::And(narrow, hn::Or(under, lower));
-        visible |= uint64_t(bits_of(hn::AndNot(low, hn::And(front, in_band)))) << t;
+        look.visible |= uint64_t(bits_of(hn::AndNot(low, hn::And(front, in_band)))) << t;
+        look.faces_all |= uint64_t(bits_of(hn::Gt(hn::Sub(height_over, radius), clear))) << t;
+        look.faces_none |= uint64_t(bits_of(hn::Lt(hn::Add(height_over, radius), opposite))) << t;
     }
-    return cluster.triangle_count < 64 ? visible & ((1ull << cluster.triangle_count) - 1) : visible;
+    if (cluster.triangle_count < 64) look.visible &= (1ull << cluster.triangle_count) - 1;
+    look.faces_all &= look.visible;
+    look.faces_none &= look.visible;
+    return look;
 }
 
 // `load` reads a register's spheres: centre 0 to 2, radius 3.
@@ -447,8 +459,8 @@ void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float
                      const MaskLayout& layout, float horizon, ClusterScratch& scratch, JobList& jobs,
                      Counters& counters) {
     counters.triangles_considered += uint64_t(__builtin_popcount(batch.valid)) * cluster.triangle_count;
-    const uint64_t visible = visible_triangles(batch.bounds, cluster, horizon);
-    if (!visible) return;
+    const FirstLook look = first_look(batch.bounds, cluster, horizon);
+    if (!look.visible) return;
     const uint32_t slots = triangle_slots(cluster.triangle_count);
     for (uint32_t lane = 0; lane < lanes; lane += width) {
         const uint32_t valid = batch.valid >> lane & chunk_bits;
@@ -467,9 +479,19 @@ void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float
 
         // Facing first, from the planes alone: it spares half of the corners their transformation.
         uint32_t front[cluster_triangles], back[cluster_triangles];
-        uint64_t corners = 0;
-        uint64_t seen = 0;
-        for (uint64_t left = visible; left; left &= left - 1) {
+        uint64_t corners = 0, seen = look.faces_all | look.faces_none;
+        const auto corners_of = [&](uint32_t t) HWY_ATTR {
+            const uint8_t* triangle = cluster.triangles + 8 * t;
+            return 1ull << triangle[0] | 1ull << triangle[1] | 1ull << triangle[2];
+        };
+        for (uint64_t left = seen; left; left &= left - 1) {
+            const uint32_t t = static_cast<uint32_t>(__builtin_ctzll(left));
+            const bool faces = look.faces_all >> t & 1;
+            front[t] = faces ? valid : 0;
+            back[t] = faces ? 0 : valid;
+            corners |= corners_of(t);
+        }
+        for (uint64_t left = look.visible & ~seen; left; left &= left - 1) {
             const uint32_t t = static_cast<uint32_t>(__builtin_ctzll(left));
             const float* plane = cluster.bounds + t;
             const V height =
@@ -487,9 +509,8 @@ void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float
                     touching_jobs(batch, cluster, points, t, touching << lane, layout, horizon, jobs,
                                   counters);
             }
-            const uint64_t own = 1ull << triangle[0] | 1ull << triangle[1] | 1ull << triangle[2];
             const bool any = (front[t] | back[t]) != 0;
-            corners |= any ? own : 0;
+            corners |= any ? corners_of(t) : 0;
             seen |= uint64_t(any) << t;
         }
         // What a triangle needs to know of its corners is the OR of theirs: one bit a lane, 16 bits a
