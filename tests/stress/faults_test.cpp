@@ -561,7 +561,12 @@ TEST(Faults, J11StalledThreads) {
     }
     figure("J11 frame on threads that stall for 20 ms, median", percentile(times, 0.5), "ms");
     figure("J11 frame on threads that stall for 20 ms, longest", times.back(), "ms");
-    EXPECT_LT(percentile(times, 0.5), 60);
+#if defined(__SANITIZE_THREAD__) || defined(__SANITIZE_ADDRESS__)
+    constexpr double most = 150; // with every access watched
+#else
+    constexpr double most = 60;
+#endif
+    EXPECT_LT(percentile(times, 0.5), most);
 }
 
 #if !defined(__SANITIZE_THREAD__)
@@ -672,7 +677,7 @@ TEST(Faults, J16RandomMix) {
             Random random(stress_seed() * 31 + t);
             std::vector<MeshId> ids = small().add_to(engine.context);
             while (milliseconds_since(start) < seconds * 1e3) {
-                if (random.below(8) == 0) {
+                if (t == 0 || random.below(8) == 0) { // one edits all the time, however few frames there are
                     const size_t which = random.below(2);
                     ASSERT_TRUE(remove_mesh(engine.context, ids[which]).ok());
                     ids[which] = add(engine.context, which ? small().floor : small().ring);
@@ -681,7 +686,7 @@ TEST(Faults, J16RandomMix) {
                 const uint32_t pose = random.below(poses);
                 Flight flight(engine.context, small().posed(ids, float(pose)));
                 ASSERT_TRUE(flight.submit().ok());
-                const bool stop = random.below(4) == 0;
+                const bool stop = t == 1 || random.below(4) == 0; // and one cancels
                 if (stop) {
                     ASSERT_TRUE(cancel(engine.context, flight.id).ok());
                     ++cancelled;
