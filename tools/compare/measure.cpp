@@ -255,11 +255,9 @@ uint32_t affordable_receivers(const std::vector<Moment>& moments, const MeasureO
 size_t affordable_peer_receivers(const std::vector<Candidate>& candidates, const std::vector<Moment>& moments,
                                  const MeasureOptions& options, const Limit& limit, double ours_ms) {
     size_t all = 0;
-    double frames = 0, each = 0;
-    for (const Moment& moment : moments) {
+    double each = 0;
+    for (const Moment& moment : moments)
         all = std::max(all, moment.receivers.size());
-        frames += !moment.follows;
-    }
     if (limit.ms == 0) return all;
     for (const Candidate& candidate : candidates)
         each += candidate.error_ms;
