@@ -1,6 +1,7 @@
 #include "clusters.h"
 
 #include <algorithm>
+#include <iterator>
 #include <limits>
 
 namespace nusselt {
@@ -16,6 +17,10 @@ constexpr float smooth_direction = 0.3f;
 // Nearness to the middle against edges of boundary.
 constexpr float smooth_nearness = 0.5f;
 constexpr int smooth_passes = 6;
+// A triangle is large beside those of its run from so many times their median on, by its longest edge; the
+// large ones of so many runs share one.
+constexpr float large_triangle = 3;
+constexpr uint32_t large_runs = 8;
 
 struct Span {
     uint32_t begin, end, parts;
@@ -189,6 +194,48 @@ void partition_triangles(const Vector<uint32_t>& triangles, const Vec3f* positio
     for (uint32_t t = 0; t < count; ++t) {
         p.order[p.sizes[p.cluster_of[t]]++] = t;
     }
+}
+
+void part_large_triangles(const Vector<uint32_t>& triangles, const Vec3f* positions, uint32_t limit,
+                          Partitioner& p) {
+    // The square of the longest edge.
+    const auto size2 = [&](uint32_t t) {
+        const uint32_t* corner = &triangles[3 * size_t(t)];
+        const Vec3f a = positions[corner[0]], b = positions[corner[1]], c = positions[corner[2]];
+        return std::max({dot(b - a, b - a), dot(c - b, c - b), dot(a - c, a - c)});
+    };
+    const uint32_t runs = static_cast<uint32_t>(p.begins.size() - 1);
+    // Both are rewritten in place from copies: what is parted changes places and begins alike.
+    p.cluster_of.assign(p.order.begin(), p.order.end());
+    p.sizes.assign(p.begins.begin(), p.begins.end());
+    p.order.clear();
+    p.begins.assign(1, 0);
+    p.large.clear();
+    const auto end_run = [&] {
+        if (p.order.size() > p.begins.back()) p.begins.push_back(static_cast<uint32_t>(p.order.size()));
+    };
+    const auto end_large = [&] {
+        p.order.insert(p.order.end(), p.large.begin(), p.large.end());
+        p.large.clear();
+        end_run();
+    };
+    for (uint32_t run = 0; run < runs; ++run) {
+        const uint32_t *begin = p.cluster_of.data() + p.sizes[run],
+                       *end = p.cluster_of.data() + p.sizes[run + 1];
+        p.squares.clear();
+        for (const uint32_t* t = begin; t != end; ++t)
+            p.squares.push_back(size2(*t));
+        const auto middle = p.squares.begin() + p.squares.size() / 2;
+        std::nth_element(p.squares.begin(), middle, p.squares.end());
+        const float least = large_triangle * large_triangle * *middle;
+        const auto is_large = [&](uint32_t t) { return size2(t) > least; };
+        const size_t found = static_cast<size_t>(std::count_if(begin, end, is_large));
+        if (run % large_runs == 0 || p.large.size() + found > limit) end_large();
+        std::copy_if(begin, end, std::back_inserter(p.large), is_large);
+        std::copy_if(begin, end, std::back_inserter(p.order), [&](uint32_t t) { return !is_large(t); });
+        end_run();
+    }
+    end_large();
 }
 
 void begin_clusters(Clusters& out) {

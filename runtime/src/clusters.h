@@ -33,12 +33,14 @@ struct Partitioner {
         : order(HostAllocator<uint32_t>(a)), begins(HostAllocator<uint32_t>(a)),
           corners(HostAllocator<uint32_t>(a)), mate(HostAllocator<uint32_t>(a)),
           cluster_of(HostAllocator<uint32_t>(a)), sizes(HostAllocator<uint32_t>(a)),
+          large(HostAllocator<uint32_t>(a)), squares(HostAllocator<float>(a)),
           points(HostAllocator<SplitPoint>(a)), centres(HostAllocator<SplitPoint>(a)), matcher(a) {}
 
     // The result: triangles by cluster.
     Vector<uint32_t> order, begins;
     // Scratch.
-    Vector<uint32_t> corners, mate, cluster_of, sizes;
+    Vector<uint32_t> corners, mate, cluster_of, sizes, large;
+    Vector<float> squares;
     Vector<SplitPoint> points, centres;
     EdgeMatcher matcher;
 };
@@ -47,6 +49,12 @@ struct Partitioner {
 // smooth boundaries. `local_of` (one entry a welded vertex) is all `none` before and after.
 void partition_triangles(const Vector<uint32_t>& triangles, const Vec3f* positions, uint32_t limit,
                          Vector<uint32_t>& local_of, Partitioner& p);
+
+// Large triangles among the small ones of a run would have all of them drawn as far as a large one must be:
+// they move to runs that they share with those of the next runs. After partition_triangles; no run gets more
+// than `limit`.
+void part_large_triangles(const Vector<uint32_t>& triangles, const Vec3f* positions, uint32_t limit,
+                          Partitioner& p);
 
 struct ClusterWriter {
     explicit ClusterWriter(const Allocator& a) : edge_number(64 * 64, 0xFF, HostAllocator<uint8_t>(a)) {}

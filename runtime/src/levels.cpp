@@ -137,6 +137,7 @@ void add_clusters(Builder& b, const LevelOptions& options, uint8_t level, Cluste
         if (b.side.empty()) continue;
         Partitioner& p = b.partitioner;
         partition_triangles(b.side, b.positions.data(), options.cluster_triangles, b.local_of, p);
+        part_large_triangles(b.side, b.positions.data(), options.cluster_triangles, p);
         for (size_t i = 0; i + 1 < p.begins.size(); ++i) {
             append_clusters(b.side, p.order.data() + p.begins[i], p.begins[i + 1] - p.begins[i],
                             {flag, level}, b.writer, b.local_of, clusters);

@@ -16,6 +16,9 @@ constexpr double border_weight = 4.0;
 constexpr double length_weight = 1e-3;
 // Twice the area over the sum of squared edges; 0.577 is equilateral. A sliver may stay but not get worse.
 constexpr double sliver_shape = 0.02;
+// Reshaping collapses make no hub of more triangles: everything around one would be looked at again and
+// again.
+constexpr size_t max_reshaped = 64;
 
 void add(Quadric& q, const Quadric& r) {
     q.xx += r.xx, q.yy += r.yy, q.zz += r.zz;
@@ -131,6 +134,14 @@ double collapse_cost(const Simplifier& s, uint32_t v, uint32_t u) {
     return (evaluate(a, p) + s.own_cost[u]) * share + length_weight * a.root * dot(d, d);
 }
 
+// As if all that v stands for moved as far as v does: no less than what any collapse onto u does to the
+// surface, in the unit of collapse_cost.
+double displacement_cost(const Simplifier& s, uint32_t v, uint32_t u) {
+    const Vec3d d = at(s, u) - at(s, v);
+    const double roots = s.quadrics[v].root + s.quadrics[u].root;
+    return roots > 0 ? s.quadrics[v].weight * dot(d, d) / roots : 0;
+}
+
 bool may_follow(const Simplifier& s, uint32_t v, const Simplifier::Neighbour& n) {
     return !s.border[v] || n.uses == 1;
 }
@@ -168,27 +179,36 @@ void update_best(Simplifier& s, uint32_t w, uint32_t v, uint32_t u) {
     if (s.best_cost[w] >= 0 && s.best_cost[w] != s.queued_cost[w]) enqueue(s, w, s.best_cost[w]);
 }
 
-// Whether v may move to ring[candidate] without folding, pinching or turning a triangle. Expects fan and ring
-// of v.
-bool may_collapse(Simplifier& s, uint32_t v, uint32_t ring_base, const Simplifier::Neighbour& candidate) {
+// Reshaping: closes a hole or a handle, lays two triangles onto each other, or makes what is not manifold.
+enum class Verdict { refused, reshaping, plain };
+
+// What it does to the surface if v moves to ring[candidate]; refused where a triangle would turn over or
+// become a sliver, or nothing of a part would be left. Expects fan and ring of v.
+Verdict judge_collapse(Simplifier& s, uint32_t v, uint32_t ring_base,
+                       const Simplifier::Neighbour& candidate) {
     const uint32_t u = candidate.vertex;
     const auto in_ring = [&](uint32_t w) {
         return s.mark[w] >= ring_base && s.mark[w] - ring_base < s.ring.size();
     };
+    uint32_t others = 0;
+    for (uint32_t c = s.head[u]; c != none; c = s.next[c]) {
+        const bool other = s.corners[next_corner(c)] != v && s.corners[last_corner(c)] != v;
+        others += s.alive[c / 3] && other;
+    }
+    const bool crowded = s.fan.size() + others > max_reshaped;
+    if (crowded && (s.pinched[v] || s.pinched[u])) return Verdict::refused;
     // Link condition: the common neighbours are those across the edge's own triangles.
     s.common.clear();
-    uint32_t others = 0;
     for (uint32_t c = s.head[u]; c != none; c = s.next[c]) {
         if (!s.alive[c / 3]) continue;
         const uint32_t a = s.corners[next_corner(c)], b = s.corners[last_corner(c)];
-        if (a != v && b != v) ++others;
         for (const uint32_t w : {a, b}) {
             if (w == v || !in_ring(w)) continue;
             if (std::find(s.common.begin(), s.common.end(), w) == s.common.end()) s.common.push_back(w);
         }
     }
-    if (s.common.size() != candidate.uses) return false;
-    if (others + s.fan.size() <= candidate.uses) return false; // nothing would be left
+    bool reshaping = s.common.size() != candidate.uses || s.pinched[v] || s.pinched[u];
+    if (others + s.fan.size() <= candidate.uses) return Verdict::refused; // nothing would be left
     const auto is_common = [&](uint32_t w) {
         return std::find(s.common.begin(), s.common.end(), w) != s.common.end();
     };
@@ -200,25 +220,41 @@ bool may_collapse(Simplifier& s, uint32_t v, uint32_t ring_base, const Simplifie
             for (uint32_t d = s.head[u]; d != none; d = s.next[d]) {
                 if (!s.alive[d / 3]) continue;
                 const uint32_t e = s.corners[next_corner(d)], f = s.corners[last_corner(d)];
-                if ((e == a && f == b) || (e == b && f == a)) return false;
+                reshaping |= (e == a && f == b) || (e == b && f == a);
             }
         }
         const Vec3d pa = at(s, a), pb = at(s, b), ab = pb - pa;
         const Vec3d before = cross(ab, from - pa), after = cross(ab, to - pa);
         const double before2 = dot(before, before), after2 = dot(after, after), turn = dot(before, after);
-        if (!(after2 > 0)) return false;
+        if (!(after2 > 0)) return Verdict::refused;
         if (before2 > 0 &&
             (turn <= 0 || turn * turn < min_turn_cosine * min_turn_cosine * before2 * after2)) {
-            return false;
+            return Verdict::refused;
         }
         const double base2 = dot(ab, ab);
         const double edges_after = base2 + dot(to - pa, to - pa) + dot(to - pb, to - pb);
         if (after2 < sliver_shape * sliver_shape * edges_after * edges_after) {
             const double edges_before = base2 + dot(from - pa, from - pa) + dot(from - pb, from - pb);
-            if (after2 * edges_before * edges_before < before2 * edges_after * edges_after) return false;
+            if (after2 * edges_before * edges_before < before2 * edges_after * edges_after)
+                return Verdict::refused;
         }
     }
-    return true;
+    if (!reshaping) return Verdict::plain;
+    if (crowded) return Verdict::refused;
+    for (const uint32_t c : s.fan) { // a third vertex that has no other triangles would go along, unmeasured
+        const uint32_t a = s.corners[next_corner(c)], b = s.corners[last_corner(c)];
+        if (a != u && b != u) continue;
+        const uint32_t w = a == u ? b : a;
+        bool stays = false;
+        for (uint32_t d = s.head[w]; d != none && !stays; d = s.next[d]) {
+            const auto has = [&](uint32_t x) {
+                return s.corners[next_corner(d)] == x || s.corners[last_corner(d)] == x;
+            };
+            stays = s.alive[d / 3] && !(has(v) && has(u));
+        }
+        if (!stays) return Verdict::refused;
+    }
+    return Verdict::reshaping;
 }
 
 // Where the points of v's triangles, and v itself, lie after the collapse onto u: into `moved`. Returns the
@@ -331,7 +367,7 @@ void prepare(Simplifier& s, const Vec3f* positions) {
     s.queued_cost.assign(n, -1);
     s.mark.assign(n, 0);
     s.stamp = 0;
-    s.locked.assign(n, 0);
+    s.pinched.assign(n, 0);
     s.border.assign(n, 0);
     s.quadrics.assign(n, Quadric{});
     s.positions.resize(n);
@@ -370,18 +406,18 @@ void prepare(Simplifier& s, const Vec3f* positions) {
                 add(s.quadrics[from], r);
                 add(s.quadrics[to], r);
             } else if (s.mate[m] != h) {
-                s.locked[from] = s.locked[to] = 1;
+                s.pinched[from] = s.pinched[to] = 1;
             }
         }
     }
     for (uint32_t v = 0; v < n; ++v) {
         s.quadrics[v].root = std::sqrt(s.quadrics[v].weight);
         s.own_cost[v] = evaluate(s.quadrics[v], at(s, v));
-        if (s.locked[v]) continue;
+        if (s.pinched[v]) continue;
         uint32_t count = 0;
         for (uint32_t c = s.head[v]; c != none; c = s.next[c])
             ++count;
-        if (!one_fan(s, v, count)) s.locked[v] = 1;
+        if (!one_fan(s, v, count)) s.pinched[v] = 1;
     }
 }
 
@@ -392,7 +428,7 @@ Simplifier::Simplifier(const Allocator& a, uint32_t welded_vertices)
       points(HostAllocator<uint32_t>(a)), point_next(welded_vertices, none, HostAllocator<uint32_t>(a)),
       local_of(welded_vertices, none, HostAllocator<uint32_t>(a)), vertices(HostAllocator<uint32_t>(a)),
       head(HostAllocator<uint32_t>(a)), best_vertex(HostAllocator<uint32_t>(a)),
-      mark(HostAllocator<uint32_t>(a)), locked(HostAllocator<uint8_t>(a)), border(HostAllocator<uint8_t>(a)),
+      mark(HostAllocator<uint32_t>(a)), pinched(HostAllocator<uint8_t>(a)), border(HostAllocator<uint8_t>(a)),
       own_cost(HostAllocator<double>(a)), best_cost(HostAllocator<double>(a)),
       queued_cost(HostAllocator<double>(a)), quadrics(HostAllocator<Quadric>(a)),
       positions(HostAllocator<Vec3f>(a)), corners(HostAllocator<uint32_t>(a)),
@@ -406,7 +442,6 @@ float simplify(Simplifier& s, const Vec3f* positions, const SimplifyOptions& opt
     uint32_t left = static_cast<uint32_t>(s.alive.size());
     s.heap.clear();
     for (uint32_t v = 0; v < s.vertices.size(); ++v) {
-        if (s.locked[v]) continue;
         find_best(s, v);
         if (s.best_cost[v] >= 0) enqueue(s, v, s.best_cost[v]);
     }
@@ -424,13 +459,10 @@ float simplify(Simplifier& s, const Vec3f* positions, const SimplifyOptions& opt
             n.cost = may_follow(s, v, n) ? collapse_cost(s, v, n.vertex) : -1;
         }
         // Cheapest valid neighbour. A vertex whose turn has passed meanwhile goes back into the queue.
-        double done_cost = -1;
-        uint32_t done_vertex = 0;
         for (;;) {
-            const Simplifier::Neighbour* best = nullptr;
-            for (const Simplifier::Neighbour& n : s.ring) {
+            Simplifier::Neighbour* best = nullptr;
+            for (Simplifier::Neighbour& n : s.ring) {
                 if (n.cost < 0) continue;
-                if (n.cost < done_cost || (n.cost == done_cost && n.vertex <= done_vertex)) continue; // tried
                 if (!best || n.cost < best->cost || (n.cost == best->cost && n.vertex < best->vertex))
                     best = &n;
             }
@@ -439,17 +471,23 @@ float simplify(Simplifier& s, const Vec3f* positions, const SimplifyOptions& opt
                 enqueue(s, v, best->cost);
                 break;
             }
-            done_cost = best->cost;
-            done_vertex = best->vertex;
-            if (!may_collapse(s, v, base, *best)) continue;
+            const Verdict verdict = judge_collapse(s, v, base, *best);
+            if (verdict == Verdict::refused) {
+                best->cost = -1;
+                continue;
+            }
+            const double displacement = displacement_cost(s, v, best->vertex);
+            if (verdict == Verdict::reshaping && best->cost < displacement) {
+                best->cost = displacement;
+                continue;
+            }
             const uint32_t u = best->vertex;
             if (options.measure) worst = std::max(worst, move_points(s, positions, v, u));
             left -= collapse(s, v, u, options.measure);
             // The ring is overwritten below: remember who must be looked at again.
             s.common.clear();
-            for (const Simplifier::Neighbour& n : s.ring) {
-                if (!s.locked[n.vertex]) s.common.push_back(n.vertex);
-            }
+            for (const Simplifier::Neighbour& n : s.ring)
+                s.common.push_back(n.vertex);
             for (const uint32_t w : s.common) {
                 update_best(s, w, v, u);
             }

@@ -220,6 +220,64 @@ TEST(Levels, ClosedAndOpenDoNotMix) {
     }
 }
 
+// What keeps its topology can't get coarse: holes of the size of a pattern, handles and parts close or become
+// flat in levels whose error they are below, and what bounded a solid still does.
+TEST(Levels, SmallHolesClose) {
+    const TriangleMesh whole = grid(96, 96);
+    TriangleMesh m = whole;
+    m.name = "pierced";
+    m.indices.clear();
+    uint32_t holes = 0;
+    for (size_t i = 0; i < whole.indices.size(); i += 6) { // a cell
+        const size_t cell = i / 6, column = cell % 96, row = cell / 96;
+        const bool pierced = column % 4 == 2 && row % 4 == 2;
+        holes += pierced;
+        if (pierced) continue;
+        m.indices.insert(m.indices.end(), whole.indices.begin() + i, whole.indices.begin() + i + 6);
+    }
+    ASSERT_EQ(holes, 576u); // kept, they would need more than two triangles each
+    check_mesh(m, false);
+    const MeshInfo info = build(m).info;
+    EXPECT_LT(info.level_triangles[info.levels - 1], 100u);
+}
+
+TEST(Levels, HandlesAndPartsBecomeFlat) {
+    TriangleMesh m;
+    for (uint32_t i = 0; i < 64; ++i) {
+        const float x = 3.0f * float(i % 8), y = 3.0f * float(i / 8);
+        m.append(torus(24, 12), {x, y, 0});
+    }
+    m.name = "rings";
+    check_mesh(m, true);
+    const MeshInfo info = build(m).info;
+    EXPECT_EQ(info.closed_components, 64u);
+    EXPECT_LT(info.level_triangles[info.levels - 1], 64u * 7); // a ring needs 14 triangles to stay one
+}
+
+// A large triangle makes its whole cluster be drawn near: it shares one with others like it.
+TEST(Levels, LargeTrianglesApart) {
+    TriangleMesh m = grid(64, 64);
+    const uint32_t first = static_cast<uint32_t>(m.positions.size());
+    for (uint32_t i = 0; i < 24; ++i) { // strips through the middle of the small ones
+        const float y = 0.1f + 0.03f * float(i);
+        m.positions.insert(m.positions.end(), {{0.1f, y, 0.2f}, {0.9f, y, 0.2f}, {0.9f, y + 0.01f, 0.2f}});
+        m.triangle(first + 3 * i, first + 3 * i + 1, first + 3 * i + 2);
+    }
+    m.name = "strips over a grid";
+    check_mesh(m, false);
+    const Built b = build(m);
+    uint32_t with_strips = 0, small_beside = 0;
+    for (uint32_t c = 0; c < b.data.clusters.count() && b.data.clusters.level[c] == 0; ++c) {
+        uint32_t strips = 0, small = 0;
+        for (const Triple& t : cluster_triples(b.data.clusters, c))
+            ++(b.data.weld_source[t[0]] >= first ? strips : small);
+        with_strips += strips > 0;
+        small_beside += strips > 0 ? small : 0;
+    }
+    EXPECT_GT(with_strips, 0u);
+    EXPECT_EQ(small_beside, 0u);
+}
+
 double distance_to(Vec3f p, Vec3f a, Vec3f b, Vec3f c) {
     // Projection if inside, otherwise the nearest point of the three edges.
     const Vec3d q = to_double(p), k[3] = {to_double(a), to_double(b), to_double(c)};

@@ -229,7 +229,7 @@ uint32_t open_edges(const std::vector<Triple>& triangles) {
     }
     uint32_t open = 0;
     for (const auto& [edge, use] : edges) {
-        open += use != std::pair(1, 1);
+        open += use.first != use.second;
     }
     return open;
 }

@@ -40,7 +40,7 @@ using Triple = std::array<uint32_t, 3>;
 std::vector<Triple> cluster_triples(const Clusters& clusters, uint32_t cluster); // welded
 std::vector<Triple> level_triples(const Built& built, uint32_t level);           // welded
 
-// Directed edges that their opposite does not balance, plus edges used by more than two triangles.
+// Edges that are not used as often one way as the other.
 uint32_t open_edges(const std::vector<Triple>& triangles);
 
 } // namespace nusselt::test
