@@ -16,6 +16,10 @@ namespace {
 
 // A level that keeps more of its triangles than this is not worth having.
 constexpr double worth_keeping = 0.8;
+// The dearest collapse of a level costs 5 to 25 times that of the level before it. From so many times on,
+// parts that can't go on are paid for by crushing the others: a level that has lost enough ends there.
+constexpr double dear = 40;
+constexpr double enough = 0.6;
 // The coarse mesh is made from the last level that has so many times its triangles.
 constexpr uint32_t coarse_start = 4;
 // Vertices of more triangles than this bring no ring to their neighbours (quality `paper`): the rings of a
@@ -116,6 +120,7 @@ struct Builder {
     Vector<uint32_t> coarse_triangles;  // what the coarse mesh is made from
     Vector<uint8_t> coarse_two_sided;
     uint32_t coarse_target = 0;
+    double last_cost = 0;  // of the current level's dearest collapse; 0: the full mesh
     Simplifier simplifier; // its triangles are the current level's
     Partitioner partitioner;
     ClusterWriter writer;
@@ -154,7 +159,12 @@ bool coarsen(Builder& b, uint32_t target, bool measure) {
     SimplifyOptions options;
     options.target_triangles = target;
     options.measure = measure;
+    if (measure && b.last_cost > 0) {
+        options.most_cost = dear * b.last_cost;
+        options.enough_triangles = static_cast<uint32_t>(enough * double(before));
+    }
     simplify(s, b.positions.data(), options);
+    if (measure) b.last_cost = s.dearest;
     const size_t after = s.triangles.size() / 3;
     for (size_t t = 0; t < after; ++t) // `source` rises: what is read was not yet written
         b.two_sided[t] = b.two_sided[s.source[t]];

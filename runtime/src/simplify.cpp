@@ -446,8 +446,10 @@ float simplify(Simplifier& s, const Vec3f* positions, const SimplifyOptions& opt
         if (s.best_cost[v] >= 0) enqueue(s, v, s.best_cost[v]);
     }
     float worst = 0;
+    s.dearest = 0;
     while (left > options.target_triangles && !s.heap.empty()) {
         const Simplifier::HeapEntry top = s.heap.front();
+        if (left < options.enough_triangles && top.cost > options.most_cost) break;
         std::pop_heap(s.heap.begin(), s.heap.end(), later);
         s.heap.pop_back();
         const uint32_t v = top.vertex;
@@ -482,6 +484,7 @@ float simplify(Simplifier& s, const Vec3f* positions, const SimplifyOptions& opt
                 continue;
             }
             const uint32_t u = best->vertex;
+            s.dearest = std::max(s.dearest, best->cost);
             if (options.measure) worst = std::max(worst, move_points(s, positions, v, u));
             left -= collapse(s, v, u, options.measure);
             // The ring is overwritten below: remember who must be looked at again.

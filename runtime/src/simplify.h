@@ -7,6 +7,7 @@
 #include "vec3.h"
 
 #include <cstdint>
+#include <limits>
 
 namespace nusselt {
 
@@ -56,19 +57,23 @@ struct Simplifier {
     Vector<Moved> moved;
     EdgeMatcher matcher;
     uint32_t stamp = 0;
+    double dearest = 0; // out: cost of the dearest collapse
 };
 
 struct SimplifyOptions {
     uint32_t target_triangles = 0;
     bool measure = true; // false: no points, no error
+    // With less than enough_triangles left nothing dearer goes.
+    double most_cost = std::numeric_limits<double>::max();
+    uint32_t enough_triangles = 0;
 };
 
-// Stops at the target or when nothing may collapse any more. Borders collapse along themselves. What changes
-// the surface's shape (a hole or a handle closes, a part becomes flat, or is not manifold there) costs as
-// much as if all that a vertex stands for moved with it: small holes close early, large ones late. No part
-// goes below two triangles that lie on each other, or one with a border. A mesh whose edges balance (as often
-// used one way as the other) stays so, but need not stay manifold. Returns a bound on the distance of the
-// removed vertices to the result (0 without `measure`).
+// Stops at the target, at the limit of cost, or when nothing may collapse any more. Borders collapse along
+// themselves. What changes the surface's shape (a hole or a handle closes, a part becomes flat, or is not
+// manifold there) costs as much as if all that a vertex stands for moved with it: small holes close early,
+// large ones late. No part goes below two triangles that lie on each other, or one with a border. A mesh
+// whose edges balance (as often used one way as the other) stays so, but need not stay manifold. Returns a
+// bound on the distance of the removed vertices to the result (0 without `measure`).
 float simplify(Simplifier& s, const Vec3f* positions, const SimplifyOptions& options);
 
 } // namespace nusselt

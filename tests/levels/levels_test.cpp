@@ -254,6 +254,24 @@ TEST(Levels, HandlesAndPartsBecomeFlat) {
     EXPECT_LT(info.level_triangles[info.levels - 1], 64u * 7); // a ring needs 14 triangles to stay one
 }
 
+// Triangles that can't go don't have the others crushed for them: the level ends early.
+TEST(Levels, LooseTrianglesCrushNothing) {
+    TriangleMesh m = bumpy_sphere(60, 40);
+    const uint32_t sphere_triangles = static_cast<uint32_t>(m.indices.size() / 3);
+    const uint32_t first = static_cast<uint32_t>(m.positions.size()), loose = 400;
+    for (uint32_t i = 0; i < loose; ++i) {
+        const float x = 3 + 0.1f * float(i % 20), y = 0.1f * float(i / 20);
+        m.positions.insert(m.positions.end(), {{x, y, 0}, {x + 0.05f, y, 0}, {x, y + 0.05f, 0}});
+        m.triangle(first + 3 * i, first + 3 * i + 1, first + 3 * i + 2);
+    }
+    m.name = "sphere and loose triangles";
+    check_mesh(m, false);
+    const MeshInfo info = build(m).info;
+    ASSERT_GT(info.levels, 2u);
+    EXPECT_LT(info.level_triangles[1], (sphere_triangles + loose) / 3);
+    EXPECT_GT(info.level_triangles[2] - loose, 200u); // to three tenths the sphere would keep 70
+}
+
 // A large triangle makes its whole cluster be drawn near: it shares one with others like it.
 TEST(Levels, LargeTrianglesApart) {
     TriangleMesh m = grid(64, 64);
