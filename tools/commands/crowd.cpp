@@ -92,7 +92,9 @@ std::string plot_crowd(const std::vector<CrowdCost>& costs) {
         step *= step == 2 ? 2.5 : 2; // 1, 2, 5, 10, ...
     const double most = std::max(highest, step);
     const double doublings = costs.empty() ? 1 : std::max(std::log2(costs.back().objects), 1.0);
-    const auto x = [&](const CrowdCost& c) { return left + (right - left) * std::log2(c.objects) / doublings; };
+    const auto x = [&](const CrowdCost& c) {
+        return left + (right - left) * std::log2(c.objects) / doublings;
+    };
     const auto y = [&](double us) { return bottom - (bottom - top) * us / most; };
 
     std::string svg = "<svg width=\"520\" height=\"260\" viewBox=\"0 0 520 260\" font-family=\"sans-serif\" "

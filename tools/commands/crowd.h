@@ -27,8 +27,8 @@ constexpr float crowd_direction[3] = {-0.5f, -0.75f, -1};
 // Processor milliseconds, medians of rounds in which the three take turns; the transfer vectors of each; and
 // what the frame of objects says of itself.
 struct CrowdFrames {
-    double grouped_ms = 0, together_ms = 0, alone_ms = 0;    // alone: the sum
-    std::vector<float> grouped, together, alone;             // as objects, as one object, each alone
+    double grouped_ms = 0, together_ms = 0, alone_ms = 0; // alone: the sum
+    std::vector<float> grouped, together, alone;          // as objects, as one object, each alone
     FrameStats stats;
 };
 CrowdFrames run_crowd(const Crowd& crowd, Engine& all, Engine& one, Quality quality, uint32_t rounds);
