@@ -261,8 +261,8 @@ void build_coarse(Builder& b, const LevelOptions& options, MeshData& mesh) {
         coarsen(b, target, false);
         return static_cast<uint32_t>(b.two_sided.size());
     };
-    // Where the target is out of reach, everything that could go has gone: parts are crushed to tetrahedra
-    // next to others that are stuck. Nothing measures this mesh, so it gets as many triangles again.
+    // Where the target is out of reach, everything that could go has gone: parts are crushed to a triangle or
+    // two next to others that are stuck. Nothing measures this mesh, so it gets as many triangles again.
     const uint32_t left = coarsen_to(b.coarse_target);
     if (left > b.coarse_target) coarsen_to(2 * left);
     add_clusters(b, options, 0, mesh.coarse_clusters);
