@@ -33,7 +33,7 @@ struct MaskLayout {
     SampleMap samples;
     PlaneMap planes;
     uint32_t side;        // 32 or 64
-    uint32_t plane_cells; // cells along a side of the square (octahedral) or of a face (cube); a power of two
+    uint32_t plane_cells; // cells along a side of the square (octahedral) or of a face (cube, a power of two)
 };
 
 constexpr uint32_t mask_bits(const MaskLayout& l) {
@@ -66,7 +66,7 @@ constexpr uint32_t entry_complement(const MaskLayout& l) {
 
 constexpr MaskLayout paper_layout{SampleMap::disk_grid, PlaneMap::cube, 32, 128};
 constexpr MaskLayout standard_layout{SampleMap::scattered, PlaneMap::octahedral, 32, 128};
-constexpr MaskLayout fine_layout{SampleMap::scattered, PlaneMap::octahedral, 64, 128};
+constexpr MaskLayout fine_layout{SampleMap::scattered, PlaneMap::octahedral, 64, 192};
 
 // Integration tables of one layout; all sizes in elements.
 constexpr size_t nibble_table_size(const MaskLayout& l) {

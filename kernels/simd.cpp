@@ -117,7 +117,6 @@ template<PlaneMap map>
 HWY_INLINE U plane_entry(const MaskLayout& layout, const Vec3& n) {
     const float top = static_cast<float>(layout.plane_cells - 1);
     const V half = constant(static_cast<float>(layout.plane_cells / 2));
-    const int cells_log = __builtin_ctz(layout.plane_cells);
     const V ax = hn::Abs(n.x), ay = hn::Abs(n.y), az = hn::Abs(n.z);
     const int shift = static_cast<int>(cell_shift(layout));
     if constexpr (map == PlaneMap::octahedral) {
@@ -128,11 +127,12 @@ HWY_INLINE U plane_entry(const MaskLayout& layout, const Vec3& n) {
         const V scale = hn::Div(half, sum);
         const U u = cell_index(hn::Add(hn::Mul(hn::Add(x, y), scale), half), top);
         const U v = cell_index(hn::Add(hn::Mul(hn::Sub(x, y), scale), half), top);
-        const U cell = hn::Or(hn::ShiftLeftSame(v, cells_log), u);
+        const U cell = hn::Add(hn::Mul(v, hn::Set(du, layout.plane_cells)), u);
         const U above = hn::Xor(hn::ShiftRight<31>(hn::BitCast(du, n.z)), hn::Set(du, 1));
         const U entry = hn::Or(hn::ShiftLeftSame(cell, shift), above);
         return hn::IfThenElse(hn::RebindMask(du, valid), entry, hn::Set(du, entry_invalid));
     } else {
+        const int cells_log = __builtin_ctz(layout.plane_cells);
         const M on_x = hn::And(hn::Ge(ax, ay), hn::Ge(ax, az)), y_over_z = hn::Ge(ay, az);
         const V major = hn::IfThenElse(on_x, n.x, hn::IfThenElse(y_over_z, n.y, n.z));
         const V size = hn::Abs(major);
