@@ -1,5 +1,6 @@
 // The scalar reference of the light kernels.
 #include "kernels/reference.h"
+#include "kernels/reflection_parts.h"
 
 #include <cmath>
 
@@ -18,21 +19,22 @@ void shade_batch(const float light[75], const float transfer[3][25][lanes], floa
     }
 }
 
-// pi times the BRDF without the diffuse part that the view does not change, for each channel.
-void respond(const Reflection& r, const float d[3], uint32_t channels, float out[3]) {
-    if (r.lobe == Lobe::phong) {
-        // Mirrored about the normal; normalised as (e + 2) / (2 pi) cos^e.
-        const float cosine = r.view[2] * d[2] - (r.view[0] * d[0] + r.view[1] * d[1]);
-        float power = 1, square = cosine > 0 ? cosine : 0;
-        for (uint32_t e = r.exponent; e; e >>= 1) {
-            if (e & 1) power = power * square;
-            square = square * square;
-        }
-        const float peak = 0.5f * (float(r.exponent) + 2.0f);
-        for (uint32_t c = 0; c < channels; ++c)
-            out[c] = r.specular[c] * peak * power;
-        return;
+// Mirrored about the normal; normalised as (e + 2) / (2 pi) cos^e.
+float phong_lobe(const Reflection& r, const float d[3]) {
+    const float cosine = r.view[2] * d[2] - (r.view[0] * d[0] + r.view[1] * d[1]);
+    float power = 1, square = cosine > 0 ? cosine : 0;
+    for (uint32_t e = r.exponent; e; e >>= 1) {
+        if (e & 1) power = power * square;
+        square = square * square;
     }
+    return 0.5f * (float(r.exponent) + 2.0f) * power;
+}
+
+// The lobe without its Fresnel term, and Schlick's (1 - v.h)^5.
+struct GgxLobe {
+    float glitter, edge;
+};
+GgxLobe ggx_lobe(const Reflection& r, const float d[3]) {
     const float square = r.alpha * r.alpha, rest = 1.0f - square;
     const float view_side = r.view[2] + std::sqrt(square + rest * (r.view[2] * r.view[2]));
     const float q = 2.0f + 2.0f * (r.view[0] * d[0] + r.view[1] * d[1] + r.view[2] * d[2]); // |d + v|^2
@@ -41,9 +43,43 @@ void respond(const Reflection& r, const float d[3], uint32_t channels, float out
     const float light_side = d[2] + std::sqrt(square + rest * (d[2] * d[2]));
     const float glitter = square / view_side * (q * q) / (a * a * light_side);
     const float t = 1.0f - 0.5f * std::sqrt(q); // 1 - v.h
-    const float edge = t * t * (t * t) * t;
-    for (uint32_t c = 0; c < channels; ++c)
-        out[c] = glitter * (r.specular[c] + (1.0f - r.specular[c]) * edge) - r.diffuse[c] * edge;
+    return {glitter, t * t * (t * t) * t};
+}
+
+// pi times the BRDF without the diffuse part that the view does not change, for each channel.
+void respond(const Reflection& r, const float d[3], float out[3]) {
+    if (r.lobe == Lobe::phong) {
+        const float lobe = phong_lobe(r, d);
+        for (uint32_t c = 0; c < 3; ++c)
+            out[c] = r.specular[c] * lobe;
+        return;
+    }
+    const GgxLobe lobe = ggx_lobe(r, d);
+    for (uint32_t c = 0; c < 3; ++c)
+        out[c] =
+            lobe.glitter * (r.specular[c] + (1.0f - r.specular[c]) * lobe.edge) - r.diffuse[c] * lobe.edge;
+}
+
+void fields_at(const Reflection& r, Parts kind, const float d[3], float out[3]) {
+    if (kind == Parts::power) {
+        out[0] = phong_lobe(r, d);
+        return;
+    }
+    const GgxLobe lobe = ggx_lobe(r, d);
+    const float fresnel = r.specular[0] + (1.0f - r.specular[0]) * lobe.edge;
+    switch (kind) {
+    case Parts::whole:
+        out[0] = lobe.glitter * fresnel - r.diffuse[0] * lobe.edge;
+        break;
+    case Parts::plastic:
+        out[0] = lobe.glitter * fresnel;
+        out[1] = lobe.edge;
+        break;
+    default:
+        out[0] = lobe.glitter * (1.0f - lobe.edge);
+        out[1] = lobe.glitter * lobe.edge;
+        out[2] = lobe.edge;
+    }
 }
 
 // Whether the direction lies in the core of the lobe, where the BRDF varies within a block.
@@ -65,17 +101,17 @@ int16_t open_part(const Tables& tables, uint32_t block, uint32_t blocked, uint32
 using GlossySums = float[3][2][sh_columns];
 
 void add_core(const CellTables& cells, uint32_t block, uint32_t blocked, const Reflection& r,
-              uint32_t channels, GlossySums& sums) {
+              const ReflectionParts& parts, GlossySums& sums) {
     for (uint32_t k = 0; k < 16; ++k) {
         if (blocked >> k & 1) continue;
         const uint32_t bit = block * 16 + k;
         const float d[3] = {cells.bit_direction[0][bit], cells.bit_direction[1][bit],
                             cells.bit_direction[2][bit]};
-        float response[3];
-        respond(r, d, channels, response);
-        for (uint32_t c = 0; c < channels; ++c) {
+        float fields[3];
+        fields_at(r, parts.kind, d, fields);
+        for (uint32_t f = 0; f < parts.fields; ++f) {
             for (uint32_t i = 0; i < sh_columns; ++i)
-                sums[c][k % 2][i] += response[c] * cells.bit_weights[size_t(bit) * sh_columns + i];
+                sums[f][k % 2][i] += fields[f] * cells.bit_weights[size_t(bit) * sh_columns + i];
         }
     }
 }
@@ -85,6 +121,7 @@ void integrate_glossy(const Tables& tables, const CellTables& cells, const uint8
                       const float diffuse_local[25][lanes], float local[][25][lanes]) {
     for (uint32_t lane = 0; lane < lanes; ++lane) {
         const Reflection& r = reflections[lane];
+        const ReflectionParts parts = parts_of(r, channels);
         const bool present = valid >> lane & 1;
         const uint8_t* mask = masks + size_t(lane) * mask_bytes(tables.layout);
         GlossySums sums = {};
@@ -94,20 +131,23 @@ void integrate_glossy(const Tables& tables, const CellTables& cells, const uint8
             const float d[3] = {cells.block_direction[0][block], cells.block_direction[1][block],
                                 cells.block_direction[2][block]};
             if (in_core(r, d)) {
-                add_core(cells, block, blocked, r, channels, sums);
+                add_core(cells, block, blocked, r, parts, sums);
                 continue;
             }
-            float response[3];
-            respond(r, d, channels, response);
-            for (uint32_t c = 0; c < channels; ++c) {
+            float fields[3];
+            fields_at(r, parts.kind, d, fields);
+            for (uint32_t f = 0; f < parts.fields; ++f) {
                 for (uint32_t i = 0; i < sh_columns; ++i)
-                    sums[c][block % 2][i] += response[c] * float(open_part(tables, block, blocked, i));
+                    sums[f][block % 2][i] += fields[f] * float(open_part(tables, block, blocked, i));
             }
         }
         for (uint32_t c = 0; c < channels; ++c) {
             for (uint32_t i = 0; i < 25; ++i) {
-                const float glossy = (sums[c][0][i] + sums[c][1][i]) * tables.scale[i];
-                local[c][i][lane] = present ? r.diffuse[c] * diffuse_local[i][lane] + glossy : 0.0f;
+                float glossy = 0;
+                for (uint32_t f = 0; f < parts.fields; ++f)
+                    glossy += parts.factor[f][c] * (sums[f][0][i] + sums[f][1][i]);
+                local[c][i][lane] =
+                    present ? r.diffuse[c] * diffuse_local[i][lane] + glossy * tables.scale[i] : 0.0f;
             }
         }
     }
@@ -148,7 +188,7 @@ void integrate_sky(const Tables& tables, const CellTables& cells, const SkyMap& 
             float factor[3] = {cells.share[bit], cells.share[bit], cells.share[bit]};
             if (reflections) {
                 float response[3];
-                respond(reflections[lane], local, 3, response);
+                respond(reflections[lane], local, response);
                 for (uint32_t c = 0; c < 3; ++c)
                     factor[c] = cells.share[bit] * (response[c] + reflections[lane].diffuse[c]);
             }

@@ -1,5 +1,6 @@
 // The light kernels for SSE4, AVX2 and AVX-512, or NEON: one source, bit for bit equal to
 // light_reference.cpp.
+#include "kernels/reflection_parts.h"
 #include "kernels/simd.h"
 
 #include <cstring>
@@ -48,22 +49,24 @@ void shade_batch(const float light[75], const float transfer[3][25][lanes], floa
     }
 }
 
-// The BRDF at 16 directions as in outputs_reference.cpp; lanes are directions here.
-HWY_INLINE void respond(const Reflection& r, V x, V y, V z, uint32_t channels, V out[3]) {
+// As in light_reference.cpp; lanes are directions here.
+HWY_INLINE V phong_lobe(const Reflection& r, V x, V y, V z) {
+    const V aside = hn::Add(hn::Mul(constant(r.view[0]), x), hn::Mul(constant(r.view[1]), y));
+    const V along = hn::Mul(constant(r.view[2]), z);
+    V power = constant(1.0f), square = hn::Max(hn::Sub(along, aside), hn::Zero(df));
+    for (uint32_t e = r.exponent; e; e >>= 1) {
+        if (e & 1) power = hn::Mul(power, square);
+        square = hn::Mul(square, square);
+    }
+    return hn::Mul(constant(0.5f * (float(r.exponent) + 2.0f)), power);
+}
+
+struct GgxLobe {
+    V glitter, edge;
+};
+HWY_INLINE GgxLobe ggx_lobe(const Reflection& r, V x, V y, V z) {
     const V vx = constant(r.view[0]), vy = constant(r.view[1]), vz = constant(r.view[2]);
     const V aside = hn::Add(hn::Mul(vx, x), hn::Mul(vy, y)), along = hn::Mul(vz, z);
-    const V one = constant(1.0f);
-    if (r.lobe == Lobe::phong) {
-        V power = one, square = hn::Max(hn::Sub(along, aside), hn::Zero(df));
-        for (uint32_t e = r.exponent; e; e >>= 1) {
-            if (e & 1) power = hn::Mul(power, square);
-            square = hn::Mul(square, square);
-        }
-        const float peak = 0.5f * (float(r.exponent) + 2.0f);
-        for (uint32_t c = 0; c < channels; ++c)
-            out[c] = hn::Mul(constant(r.specular[c] * peak), power);
-        return;
-    }
     const float square = r.alpha * r.alpha, rest = 1.0f - square;
     const float view_side =
         r.view[2] + hn::GetLane(hn::Sqrt(constant(square + rest * (r.view[2] * r.view[2]))));
@@ -75,11 +78,44 @@ HWY_INLINE void respond(const Reflection& r, V x, V y, V z, uint32_t channels, V
         hn::Add(z, hn::Sqrt(hn::Add(constant(square), hn::Mul(constant(rest), hn::Mul(z, z)))));
     const V glitter =
         hn::Div(hn::Mul(constant(square / view_side), hn::Mul(q, q)), hn::Mul(hn::Mul(a, a), light_side));
-    const V t = hn::Sub(one, hn::Mul(constant(0.5f), hn::Sqrt(q)));
-    const V edge = hn::Mul(hn::Mul(hn::Mul(t, t), hn::Mul(t, t)), t);
-    for (uint32_t c = 0; c < channels; ++c) {
-        const V fresnel = hn::Add(constant(r.specular[c]), hn::Mul(constant(1.0f - r.specular[c]), edge));
-        out[c] = hn::Sub(hn::Mul(glitter, fresnel), hn::Mul(constant(r.diffuse[c]), edge));
+    const V t = hn::Sub(constant(1.0f), hn::Mul(constant(0.5f), hn::Sqrt(q)));
+    return {glitter, hn::Mul(hn::Mul(hn::Mul(t, t), hn::Mul(t, t)), t)};
+}
+
+HWY_INLINE V with_fresnel(const GgxLobe& lobe, float specular) {
+    return hn::Mul(lobe.glitter, hn::Add(constant(specular), hn::Mul(constant(1.0f - specular), lobe.edge)));
+}
+
+HWY_INLINE void respond(const Reflection& r, V x, V y, V z, V out[3]) {
+    if (r.lobe == Lobe::phong) {
+        const V lobe = phong_lobe(r, x, y, z);
+        for (uint32_t c = 0; c < 3; ++c)
+            out[c] = hn::Mul(constant(r.specular[c]), lobe);
+        return;
+    }
+    const GgxLobe lobe = ggx_lobe(r, x, y, z);
+    for (uint32_t c = 0; c < 3; ++c)
+        out[c] = hn::Sub(with_fresnel(lobe, r.specular[c]), hn::Mul(constant(r.diffuse[c]), lobe.edge));
+}
+
+HWY_INLINE void fields_at(const Reflection& r, Parts kind, V x, V y, V z, V out[3]) {
+    if (kind == Parts::power) {
+        out[0] = phong_lobe(r, x, y, z);
+        return;
+    }
+    const GgxLobe lobe = ggx_lobe(r, x, y, z);
+    switch (kind) {
+    case Parts::whole:
+        out[0] = hn::Sub(with_fresnel(lobe, r.specular[0]), hn::Mul(constant(r.diffuse[0]), lobe.edge));
+        break;
+    case Parts::plastic:
+        out[0] = with_fresnel(lobe, r.specular[0]);
+        out[1] = lobe.edge;
+        break;
+    default:
+        out[0] = hn::Mul(lobe.glitter, hn::Sub(constant(1.0f), lobe.edge));
+        out[1] = hn::Mul(lobe.glitter, lobe.edge);
+        out[2] = lobe.edge;
     }
 }
 
@@ -90,22 +126,22 @@ HWY_INLINE V from_integers(const int16_t* row) {
     return hn::ConvertTo(df, hn::PromoteTo(di, hn::Load(narrow, row)));
 }
 
-template<uint32_t channels>
+template<uint32_t fields>
 struct Sums {
-    V column[channels][column_registers];
+    V column[fields][column_registers];
 
     HWY_INLINE Sums() {
-        for (auto& channel : column) {
-            for (V& v : channel)
+        for (auto& field : column) {
+            for (V& v : field)
                 v = hn::Zero(df);
         }
     }
-    // += response of each channel times the row.
-    HWY_INLINE void add(const float* const response[3], uint32_t at, const V row[column_registers]) {
-        for (uint32_t c = 0; c < channels; ++c) {
-            const V factor = constant(response[c][at]);
+    // += each field times the row.
+    HWY_INLINE void add(const float field[3][lanes], uint32_t at, const V row[column_registers]) {
+        for (uint32_t f = 0; f < fields; ++f) {
+            const V factor = constant(field[f][at]);
             for (uint32_t i = 0; i < column_registers; ++i)
-                column[c][i] = hn::Add(column[c][i], hn::Mul(factor, row[i]));
+                column[f][i] = hn::Add(column[f][i], hn::Mul(factor, row[i]));
         }
     }
 };
@@ -133,18 +169,17 @@ HWY_INLINE void open_row(const Tables& tables, uint32_t block, uint32_t blocked,
 }
 
 // A block in the core of the lobe, bit by bit.
-template<uint32_t channels>
+template<uint32_t fields>
 HWY_INLINE void add_core(const CellTables& cells, uint32_t block, uint32_t blocked, const Reflection& r,
-                         Sums<channels>& even, Sums<channels>& odd) {
-    alignas(64) float response[3][lanes];
-    const float* const responses[3] = {response[0], response[1], response[2]};
+                         Parts kind, Sums<fields>& even, Sums<fields>& odd) {
+    alignas(64) float field[3][lanes];
     for (uint32_t k = 0; k < lanes; k += width) {
         V out[3];
         const uint32_t bit = block * 16 + k;
-        respond(r, load(cells.bit_direction[0], bit), load(cells.bit_direction[1], bit),
-                load(cells.bit_direction[2], bit), channels, out);
-        for (uint32_t c = 0; c < channels; ++c)
-            hn::Store(out[c], df, response[c] + k);
+        fields_at(r, kind, load(cells.bit_direction[0], bit), load(cells.bit_direction[1], bit),
+                  load(cells.bit_direction[2], bit), out);
+        for (uint32_t f = 0; f < fields; ++f)
+            hn::Store(out[f], df, field[f] + k);
     }
     const float* weights = cells.bit_weights + size_t(block) * 16 * sh_columns;
     V row[column_registers];
@@ -152,77 +187,82 @@ HWY_INLINE void add_core(const CellTables& cells, uint32_t block, uint32_t block
         if (!(blocked >> k & 1)) {
             for (uint32_t j = 0; j < column_registers; ++j)
                 row[j] = hn::Load(df, weights + j * width);
-            even.add(responses, k, row);
+            even.add(field, k, row);
         }
         if (!(blocked >> k & 2)) {
             for (uint32_t j = 0; j < column_registers; ++j)
                 row[j] = hn::Load(df, weights + sh_columns + j * width);
-            odd.add(responses, k + 1, row);
+            odd.add(field, k + 1, row);
         }
     }
 }
 
-template<uint32_t channels>
+template<uint32_t fields>
 void integrate_lane(const Tables& tables, const CellTables& cells, const uint8_t* mask, const Reflection& r,
-                    float sum[3][sh_columns]) {
+                    Parts kind, float sum[3][sh_columns]) {
     constexpr uint32_t group = lanes; // blocks whose BRDF is found together
-    alignas(64) float response[3][group], along[group];
-    const float* const responses[3] = {response[0], response[1], response[2]};
+    alignas(64) float field[3][group], along[group];
     const V vx = constant(r.view[0]), vy = constant(r.view[1]), vz = constant(r.view[2]);
-    Sums<channels> even, odd; // bits or blocks: two chains of additions
+    Sums<fields> even, odd; // bits or blocks: two chains of additions
     for (uint32_t first = 0; first < mask_blocks(tables.layout); first += group) {
         for (uint32_t i = 0; i < group; i += width) {
             const V x = load(cells.block_direction[0], first + i),
                     y = load(cells.block_direction[1], first + i),
                     z = load(cells.block_direction[2], first + i);
             V out[3];
-            respond(r, x, y, z, channels, out);
-            for (uint32_t c = 0; c < channels; ++c)
-                hn::Store(out[c], df, response[c] + i);
+            fields_at(r, kind, x, y, z, out);
+            for (uint32_t f = 0; f < fields; ++f)
+                hn::Store(out[f], df, field[f] + i);
             hn::Store(hn::Sub(hn::Mul(vz, z), hn::Add(hn::Mul(vx, x), hn::Mul(vy, y))), df, along + i);
         }
         for (uint32_t i = 0; i < group; i += 2) {
-            uint16_t blocked[2];
-            std::memcpy(blocked, mask + size_t(2) * (first + i), 4);
-            V row[column_registers];
-            if (blocked[0] != 0xFFFF) {
-                if (along[i] > r.core) {
-                    add_core(cells, first + i, blocked[0], r, even, odd);
-                } else {
-                    open_row(tables, first + i, blocked[0], row);
-                    even.add(responses, i, row);
+            for (uint32_t k = i; k < i + 2; ++k) {
+                uint16_t blocked;
+                std::memcpy(&blocked, mask + size_t(2) * (first + k), 2);
+                if (blocked == 0xFFFF) continue;
+                if (along[k] > r.core) {
+                    add_core(cells, first + k, blocked, r, kind, even, odd);
+                    continue;
                 }
-            }
-            if (blocked[1] != 0xFFFF) {
-                if (along[i + 1] > r.core) {
-                    add_core(cells, first + i + 1, blocked[1], r, even, odd);
+                V row[column_registers];
+                open_row(tables, first + k, blocked, row);
+                if (k == i) {
+                    even.add(field, k, row);
                 } else {
-                    open_row(tables, first + i + 1, blocked[1], row);
-                    odd.add(responses, i + 1, row);
+                    odd.add(field, k, row);
                 }
             }
         }
     }
-    for (uint32_t c = 0; c < channels; ++c) {
+    for (uint32_t f = 0; f < fields; ++f) {
         for (uint32_t i = 0; i < column_registers; ++i)
-            hn::Store(hn::Add(even.column[c][i], odd.column[c][i]), df, sum[c] + i * width);
+            hn::Store(hn::Add(even.column[f][i], odd.column[f][i]), df, sum[f] + i * width);
     }
 }
 
 void integrate_glossy(const Tables& tables, const CellTables& cells, const uint8_t* masks, uint32_t valid,
                       const Reflection reflections[lanes], uint32_t channels,
                       const float diffuse_local[25][lanes], float local[][25][lanes]) {
+    constexpr decltype(&integrate_lane<1>) by_fields[] = {integrate_lane<1>, integrate_lane<2>,
+                                                          integrate_lane<3>};
     for (uint32_t lane = 0; lane < lanes; ++lane) {
         const Reflection& r = reflections[lane];
+        const ReflectionParts parts = parts_of(r, channels);
         alignas(64) float sum[3][sh_columns];
         const bool present = valid >> lane & 1;
-        const uint8_t* mask = masks + size_t(lane) * mask_bytes(tables.layout);
-        if (present && channels == 1) integrate_lane<1>(tables, cells, mask, r, sum);
-        if (present && channels == 3) integrate_lane<3>(tables, cells, mask, r, sum);
+        if (present)
+            by_fields[parts.fields - 1](tables, cells, masks + size_t(lane) * mask_bytes(tables.layout), r,
+                                        parts.kind, sum);
         for (uint32_t c = 0; c < channels; ++c) {
+            alignas(64) float glossy[sh_columns];
+            for (uint32_t i = 0; i < sh_columns && present; i += width) {
+                V all = hn::Zero(df);
+                for (uint32_t f = 0; f < parts.fields; ++f)
+                    all = hn::Add(all, hn::Mul(constant(parts.factor[f][c]), load(sum[f], i)));
+                hn::Store(hn::Mul(all, load(tables.scale, i)), df, glossy + i);
+            }
             for (uint32_t i = 0; i < 25; ++i)
-                local[c][i][lane] =
-                    present ? r.diffuse[c] * diffuse_local[i][lane] + sum[c][i] * tables.scale[i] : 0.0f;
+                local[c][i][lane] = present ? r.diffuse[c] * diffuse_local[i][lane] + glossy[i] : 0.0f;
         }
     }
 }
@@ -282,7 +322,7 @@ void integrate_sky(const Tables& tables, const CellTables& cells, const SkyMap& 
                 if (!reflections) continue;
                 V out[3];
                 alignas(64) float values[3][lanes];
-                respond(reflections[lane], lx, ly, lz, 3, out);
+                respond(reflections[lane], lx, ly, lz, out);
                 for (uint32_t c = 0; c < 3; ++c)
                     hn::Store(hn::Mul(load(cells.share, bit),
                                       hn::Add(out[c], constant(reflections[lane].diffuse[c]))),

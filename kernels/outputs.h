@@ -26,7 +26,8 @@ constexpr uint32_t encoded_bytes(const Encoding& e) {
     if (e.format == Format::float32) return 4 * components;
     if (e.format == Format::float16) return 2 * components;
     if (!vector) return components;
-    // Bands 0 and 1 as half floats, then a scale for each further band, then a byte a term.
+    // Bands 0 and 1 as half floats, then a scale for each further band, then a byte a term; band 2 is stored
+    // as what lies beside expected_band_2.
     return e.bands == 1 ? 2 : 8 + (e.bands - 2) + (components - 4);
 }
 constexpr uint32_t most_encoded_bytes = 100;
@@ -34,6 +35,19 @@ constexpr uint32_t most_encoded_bytes = 100;
 // sqrt(2 l + 1): no coefficient of band l exceeds this many times the first one (addition theorem, and
 // visibility is not negative).
 constexpr float band_bound[5] = {1, 1.7320508075688772f, 2.23606797749979f, 2.6457513110645906f, 3};
+// What band 2 of a packed transfer vector is stored beside: three quarters of the products of band 1's
+// direction, which take most of a lobe's band 2 away (an open hemisphere has 0.665 of them, light from one
+// direction 1.18). `low`: bands 0 and 1 as they are stored. Zeros where the first is not positive.
+constexpr float expected_share = 0.81941133f, expected_zonal = 0.28867513f; // of xy; 1 / (2 sqrt 3)
+inline void expected_band_2(const float low[4], float out[5]) {
+    const float x = low[3], y = low[1], z = low[2];
+    const float share = low[0] > 0 ? expected_share / low[0] : 0.0f;
+    out[0] = share * (x * y);
+    out[1] = share * (y * z);
+    out[2] = share * (expected_zonal * (2.0f * (z * z) - (x * x + y * y)));
+    out[3] = share * (x * z);
+    out[4] = share * (0.5f * (x * x - y * y));
+}
 // The first coefficient of an open receiver, and 1 over it.
 constexpr float open_first = 0.28209479177387814f;
 constexpr float over_open_first = 3.5449077018110318f;

@@ -46,19 +46,29 @@ void pack_transfer(uint32_t bands, const float* values, uint8_t* out) {
     for (uint32_t i = 0; i < (bands == 1 ? 1u : 4u); ++i)
         put_half(values[i], out);
     const float first = float_from_half(half_from_float(values[0]));
+    float rest[25];
+    std::memcpy(rest, values, size_t(bands) * bands * sizeof(float));
+    if (bands > 2) {
+        float low[4], expected[5];
+        for (uint32_t i = 0; i < 4; ++i)
+            low[i] = float_from_half(half_from_float(values[i]));
+        expected_band_2(low, expected);
+        for (uint32_t i = 0; i < 5; ++i)
+            rest[4 + i] = values[4 + i] - expected[i];
+    }
     uint8_t* const scales = out;
     uint8_t* terms = out + (bands > 2 ? bands - 2 : 0);
     for (uint32_t band = 2; band < bands; ++band) {
         const float bound = first * band_bound[band];
         float most = 0;
         for (uint32_t i = first_term[band]; i < first_term[band + 1]; ++i)
-            most = std::fabs(values[i]) > most ? std::fabs(values[i]) : most;
+            most = std::fabs(rest[i]) > most ? std::fabs(rest[i]) : most;
         // Rounded up, so that no term exceeds the scale.
         const int32_t scale = bound > 0 ? nearest(clamped(most / bound * 255.0f + 0.5f, 0, 255)) : 0;
         scales[band - 2] = uint8_t(scale);
         const float unit = float(scale) * bound;
         for (uint32_t i = first_term[band]; i < first_term[band + 1]; ++i) {
-            const float value = scale > 0 ? values[i] / unit * (127.0f * 255.0f) : 0.0f;
+            const float value = scale > 0 ? rest[i] / unit * (127.0f * 255.0f) : 0.0f;
             *terms++ = uint8_t(nearest(clamped(value, -127, 127)));
         }
     }

@@ -94,11 +94,23 @@ struct Elements {
 };
 
 // Values of lanes that are not valid are zero, and so is what is made of them.
-HWY_INLINE void pack_transfer(uint32_t bands, const V* values, Elements elements) {
+HWY_INLINE void pack_transfer(uint32_t bands, V* values, Elements elements) {
     for (uint32_t i = 0; i < (bands == 1 ? 1u : 4u); ++i)
         elements.put<uint16_t>(half_from_float(values[i]));
-    const V first = float_from_half(half_from_float(values[0]));
+    const auto stored = [&](uint32_t i) HWY_ATTR { return float_from_half(half_from_float(values[i])); };
+    const V first = stored(0);
     const V zero = hn::Zero(df);
+    if (bands > 2) {
+        // As expected_band_2.
+        const V x = stored(3), y = stored(1), z = stored(2);
+        const V share = hn::IfThenElseZero(hn::Gt(first, zero), hn::Div(constant(expected_share), first));
+        const V xx = hn::Mul(x, x), yy = hn::Mul(y, y), zz = hn::Mul(z, z);
+        const V zonal = hn::Sub(hn::Mul(constant(2.0f), zz), hn::Add(xx, yy));
+        const V expected[5] = {hn::Mul(x, y), hn::Mul(y, z), hn::Mul(constant(expected_zonal), zonal),
+                               hn::Mul(x, z), hn::Mul(constant(0.5f), hn::Sub(xx, yy))};
+        for (uint32_t i = 0; i < 5; ++i)
+            values[4 + i] = hn::Sub(values[4 + i], hn::Mul(share, expected[i]));
+    }
     Elements terms = elements;
     terms.out += bands > 2 ? bands - 2 : 0;
     for (uint32_t band = 2; band < bands; ++band) {

@@ -3,6 +3,8 @@
 
 #include <nusselt/c.h>
 
+#include <glm/glm.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -12,6 +14,14 @@
 #include <sys/mman.h>
 #include <ucontext.h>
 #endif
+
+namespace nusselt::test::shader {
+
+using namespace glm;
+vec3 light[25];
+#include "packed_transfer.glsl"
+
+} // namespace nusselt::test::shader
 
 namespace nusselt::test {
 
@@ -144,6 +154,31 @@ TEST(Outputs, HoldWhatTheTransferSays) {
                 100 * d.most);
     EXPECT_LE(d.mean, 0.002);
     EXPECT_LE(d.p99, 0.01);
+}
+
+// The docs' shader, word for word.
+TEST(Outputs, TheShaderReadsWhatIsPacked) {
+    Engine engine;
+    const scenes::Mesh mesh = hand_with_duplicates();
+    const Posed posed = at_rest(add(engine.context, mesh), mesh);
+    const size_t count = mesh.rest_positions.size();
+    std::vector<std::array<glm::uvec4, 2>> packed(count);
+    ASSERT_TRUE(run(engine.context, posed,
+                    {stream(OutputKind::transfer, OutputFormat::packed8, packed.data(), count)}, {}, nullptr)
+                    .ok());
+    Random random(11);
+    for (glm::vec3& l : shader::light)
+        l = {random.between(-1, 1), random.between(-1, 1), random.between(-1, 1)};
+    for (size_t v = 0; v < count; ++v) {
+        float transfer[25];
+        unpack_transfer(packed[v].data(), 5, transfer);
+        glm::vec3 sum(0);
+        for (size_t i = 0; i < 25; ++i)
+            sum += shader::light[i] * transfer[i];
+        const glm::vec3 seen = shader::radiance(packed[v][0], packed[v][1]);
+        for (int c = 0; c < 3; ++c)
+            ASSERT_NEAR(seen[c], sum[c], 2e-6f) << v;
+    }
 }
 
 TEST(Outputs, BesideTransferAndOnEveryInstructionSet) {

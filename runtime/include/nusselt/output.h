@@ -32,8 +32,8 @@ enum class OutputFormat : uint32_t {
     float16 = 1, // IEEE half floats, rounded to nearest: adds 0.02 % error to a transfer vector at most
     // Ambient occlusion as one unorm byte, bent normals as three snorm bytes (within 0.4 degrees), transfer
     // vectors as `unpack_transfer` reads them, 32 bytes for 5 bands: bands 0 and 1 as half floats, then a
-    // scale byte for each further band, then a snorm byte a term. Adds about 0.2 % error to a transfer vector
-    // in the mean (docs/outputs.md has the figures).
+    // scale byte for each further band, then a snorm byte a term. Adds 0.1 to 0.2 % error to a transfer
+    // vector in the mean (docs/outputs.md has the figures).
     packed8 = 2,
 };
 
@@ -54,7 +54,10 @@ struct Output {
 size_t output_bytes(OutputKind kind, OutputFormat format, uint32_t bands = 5);
 
 // The 25 terms that an element of OutputFormat::packed8 with so many bands stands for (those of further bands
-// 0): V_lm = byte / 127 * scale_l / 255 * sqrt(2 l + 1) * V_00. `bands` 1 to 5.
+// 0): V_lm = byte / 127 * scale_l / 255 * sqrt(2 l + 1) * V_00, and in band 2 also what band 1 lets expect:
+// with (y, z, x) = V_1m and s = 0.81941133 / V_00 (0 where V_00 <= 0)
+//   s x y, s y z, 0.28867513 s (2 z^2 - x^2 - y^2), s x z, s (x^2 - y^2) / 2.
+// `bands` 1 to 5.
 void unpack_transfer(const void* packed, uint32_t bands, float out[25]);
 
 // Windows damp the high bands, and with them the ringing of a hard light cut off at band 4.
