@@ -13,7 +13,7 @@ namespace nusselt::test {
 namespace {
 
 constexpr double times[] = {0.2, 0.7}; // of the clip
-constexpr Quality qualities[] = {Quality::paper, Quality::standard};
+constexpr Quality qualities[] = {Quality::paper, Quality::draft, Quality::standard, Quality::fine};
 
 // "scene time quality" -> hash
 using Hashes = std::map<std::string, std::string>;
@@ -79,7 +79,7 @@ TEST(Golden, EveryOtherIsa) {
     for (const Isa isa : isas) {
         if (isa == isas.back()) continue;
         Engine engine(with_isa(isa));
-        // The reference is slow: every fifth entry, which are all scenes and both qualities.
+        // The reference is slow: every fifth entry, which are all scenes and qualities.
         compare(isa == Isa::scalar ? compute(engine.context, 1, 5) : compute(engine.context), isa_name(isa));
     }
 }
