@@ -425,6 +425,13 @@ TEST_F(Program, VisibleSetsOfAClip) {
     for (const char* name : {"masks.npy", "transfer.npy"})
         EXPECT_EQ(contents(folder / "plain" / name), contents(folder / "with" / name));
     expect_failure(1, "transfer box.obj --out out --pvs slide.pvs", {"slide.pvs", "other meshes"});
+    const std::string picture = "render slide.gltf --size 64x48 --frames 2 --fps 2 --out ";
+    ASSERT_EQ(run(picture + "seen").code, 0);
+    ASSERT_EQ(run(picture + "seen_with --pvs slide.pvs").code, 0);
+    for (const char* name : {"frame_0000.png", "frame_0001.png"})
+        EXPECT_EQ(contents(folder / "seen" / name), contents(folder / "seen_with" / name));
+    expect_failure(1, "render box.obj --size 64x48 --out out --pvs slide.pvs", {"slide.pvs", "other meshes"});
+    expect_failure(2, picture + "out --pvs slide.pvs --shadows traced", {"--pvs", "--shadows"});
     expect_failure(1, "transfer slide.gltf --out out --pvs slide.pvs --quality fine", {"another quality"});
     expect_failure(1, "transfer slide.gltf --out out --pvs box.obj",
                    {"box.obj", "no potentially visible set"});

@@ -51,6 +51,7 @@ struct RenderOptions {
     Reflectance reflectance;
     Falloff falloff;
     TwoSided two_sided = TwoSided::model;
+    std::string visible_set;        // file of `nusselt pvs`; empty: none
     bool direct = false;            // light straight from the masks and the environment
     std::optional<ShWindow> window; // of the light
     float window_width = 5;

@@ -372,6 +372,11 @@ void parse_and_run(int argc, const char* const* argv) {
                      "occlusion fades from one distance to another, in the model's unit; not physical")
         ->type_name("FROM:TO");
     render_command
+        ->add_option(
+            "--pvs", render.visible_set,
+            "file of `nusselt pvs` with the blockers to look at; made of this model, clip and quality")
+        ->type_name("FILE");
+    render_command
         ->add_option("--two-sided", render_words.two_sided,
                      "light the backs of what is seen from behind: off (they look like the fronts), model "
                      "(where the file's materials are doubleSided), all")

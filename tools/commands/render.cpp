@@ -1,4 +1,5 @@
 #include "tools/render/render.h"
+#include "tools/commands/pvs.h"
 
 #include "tools/commands/choice.h"
 #include "tools/commands/commands.h"
@@ -64,6 +65,8 @@ Assembly turned_over(Assembly all) {
 } // namespace
 
 void run_render(const RenderOptions& options) {
+    if (!options.visible_set.empty() && options.shadows != Shadows::on)
+        throw Failure("--pvs", "needs --shadows on; leave one of the two out", exit_usage);
     const bool several = options.frames.has_value();
     const Choice choice = choose(options.model, options.clip, several || options.time.has_value());
     std::vector<double> times{options.time.value_or(0)};
@@ -106,6 +109,7 @@ void run_render(const RenderOptions& options) {
     const Camera camera = frame_camera(framing);
 
     engine.fade(options.falloff);
+    if (!options.visible_set.empty()) engine.use_visible(read_set(options.visible_set), options.visible_set);
     // Lambert's light is a dot product afterwards; glossy light comes with the frame.
     const bool glossy = options.reflectance.kind != Reflectance::Kind::lambert || options.direct;
     const Palette palette = make_palette(choice.scene, options.reflectance);
@@ -136,6 +140,9 @@ void run_render(const RenderOptions& options) {
     for (size_t k = 0; k < times.size(); ++k) {
         throw_if_interrupted();
         choice.scene.pose(times[k], pose);
+        if (!options.visible_set.empty())
+            engine.choose_segment(
+                segment_at(times[k], choice.scene.duration, engine.visible_info().segments));
         const Assembly all = assemble(choice.scene, pose);
         const TraceScene traced = make_trace_scene(all);
         const View view = cast_view(traced, camera, options.width, options.height);
