@@ -216,20 +216,23 @@ void integrate_lane(const Tables& tables, const CellTables& cells, const uint8_t
             hn::Store(hn::Sub(hn::Mul(vz, z), hn::Add(hn::Mul(vx, x), hn::Mul(vy, y))), df, along + i);
         }
         for (uint32_t i = 0; i < group; i += 2) {
-            for (uint32_t k = i; k < i + 2; ++k) {
-                uint16_t blocked;
-                std::memcpy(&blocked, mask + size_t(2) * (first + k), 2);
-                if (blocked == 0xFFFF) continue;
-                if (along[k] > r.core) {
-                    add_core(cells, first + k, blocked, r, kind, even, odd);
-                    continue;
-                }
-                V row[column_registers];
-                open_row(tables, first + k, blocked, row);
-                if (k == i) {
-                    even.add(field, k, row);
+            uint16_t blocked[2];
+            std::memcpy(blocked, mask + size_t(2) * (first + i), 4);
+            V row[column_registers];
+            if (blocked[0] != 0xFFFF) {
+                if (along[i] > r.core) {
+                    add_core(cells, first + i, blocked[0], r, kind, even, odd);
                 } else {
-                    odd.add(field, k, row);
+                    open_row(tables, first + i, blocked[0], row);
+                    even.add(field, i, row);
+                }
+            }
+            if (blocked[1] != 0xFFFF) {
+                if (along[i + 1] > r.core) {
+                    add_core(cells, first + i + 1, blocked[1], r, kind, even, odd);
+                } else {
+                    open_row(tables, first + i + 1, blocked[1], row);
+                    odd.add(field, i + 1, row);
                 }
             }
         }
