@@ -23,7 +23,8 @@ enum class SampleMap : uint32_t {
 
 // How a plane through the receiver finds its cell of the table.
 enum class PlaneMap : uint32_t {
-    octahedral, // half the sphere (z >= 0) as a square on its corner; the other half by complement
+    octahedral, // half the sphere (z >= 0) as a square on its corner, the outermost cells' middles on its
+                // rim; the other half by complement
     cube,       // the paper: six faces, the whole sphere
 };
 

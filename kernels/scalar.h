@@ -34,7 +34,7 @@ inline uint32_t plane_entry(const MaskLayout& layout, const Vec& n) {
         if (!(sum > 0 && sum <= FLT_MAX)) return entry_invalid;
         const bool below = std::signbit(n.z);
         const float x = below ? -n.x : n.x, y = below ? -n.y : n.y;
-        const float scale = half / sum;
+        const float scale = (half - 0.5f) / sum;
         const uint32_t u = clamp_cell((x + y) * scale + half, cells),
                        v = clamp_cell((x - y) * scale + half, cells);
         return ((v * cells + u) << cell_shift(layout)) | (below ? 0u : 1u);

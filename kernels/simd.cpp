@@ -124,7 +124,7 @@ HWY_INLINE U plane_entry(const MaskLayout& layout, const Vec3& n) {
         const M valid = hn::And(hn::Gt(sum, hn::Zero(df)), hn::Le(sum, constant(FLT_MAX)));
         const V sign = hn::And(n.z, hn::SignBit(df));
         const V x = hn::Xor(n.x, sign), y = hn::Xor(n.y, sign);
-        const V scale = hn::Div(half, sum);
+        const V scale = hn::Div(hn::Sub(half, constant(0.5f)), sum);
         const U u = cell_index(hn::Add(hn::Mul(hn::Add(x, y), scale), half), top);
         const U v = cell_index(hn::Add(hn::Mul(hn::Sub(x, y), scale), half), top);
         const U cell = hn::Add(hn::Mul(v, hn::Set(du, layout.plane_cells)), u);

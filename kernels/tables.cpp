@@ -129,8 +129,11 @@ void cell_weights(const MaskLayout& layout, SampleBit* bits) {
 
 void cell_normal(const MaskLayout& layout, uint32_t cell, double n[3]) {
     const uint32_t k = layout.plane_cells;
-    const double u = (cell % k + 0.5) * 2 / k - 1, v = (cell / k % k + 0.5) * 2 / k - 1;
+    // The octahedral square has cells around its very rim, so that upright planes are exact but for their
+    // azimuth: walls and the edges above a receiver would else lean inwards, all the same way.
+    double u = (cell % k + 0.5) * 2 / k - 1, v = (cell / k % k + 0.5) * 2 / k - 1;
     if (layout.planes == PlaneMap::octahedral) {
+        u = double(cell % k) * 2 / (k - 1) - 1, v = double(cell / k % k) * 2 / (k - 1) - 1;
         n[0] = (u + v) / 2;
         n[1] = (u - v) / 2;
         n[2] = 1 - std::fabs(n[0]) - std::fabs(n[1]);

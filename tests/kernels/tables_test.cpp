@@ -38,7 +38,8 @@ std::vector<uint8_t> half_space(const MaskLayout& layout, const float inside[3])
     if (layout.planes == PlaneMap::octahedral) {
         const double sum = std::fabs(x) + std::fabs(y) + std::fabs(z);
         const double turn = z < 0 ? -1 : 1;
-        const uint32_t index = cell(turn * (x - y) / sum) * k + cell(turn * (x + y) / sum);
+        const auto node = [&](double value) { return uint32_t((value + 1) / 2 * (k - 1) + 0.5); };
+        const uint32_t index = node(turn * (x - y) / sum) * k + node(turn * (x + y) / sum);
         for (uint32_t i = 0; i < bytes; ++i)
             mask[i] = uint8_t(tables.planes[size_t(index) * bytes + i] ^ (z < 0 ? 0xFF : 0));
         return mask;
@@ -177,13 +178,14 @@ TEST(PlaneTable, EveryCellIsTheHalfSpaceOfItsCentre) {
             used[bit] = sample_direction(l.layout, bit, directions[bit].data());
         uint64_t wrong = 0, ties = 0;
         for (uint32_t cell = 0; cell < table_cells(l.layout); ++cell) {
-            const double u = (cell % k + 0.5) * 2 / k - 1, v = (cell / k % k + 0.5) * 2 / k - 1;
+            double u = (cell % k + 0.5) * 2 / k - 1, v = (cell / k % k + 0.5) * 2 / k - 1;
             double n[3];
             if (l.layout.planes == PlaneMap::octahedral) { // u = x + y, v = x - y on |x| + |y| + |z| = 1
+                u = 2.0 * (cell % k) / (k - 1) - 1, v = 2.0 * (cell / k % k) / (k - 1) - 1;
                 n[0] = (u + v) / 2;
                 n[1] = (u - v) / 2;
                 n[2] = 1 - std::fabs(n[0]) - std::fabs(n[1]);
-                ASSERT_GE(n[2], 0);
+                ASSERT_GE(n[2], -1e-15);
             } else {
                 const uint32_t face = cell / (k * k), axis = face / 2;
                 n[axis] = face % 2 ? -1 : 1;

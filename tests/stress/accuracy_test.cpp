@@ -323,8 +323,10 @@ TEST(Accuracy, G18EveryCellOfTheTable) {
     const uint32_t planes = stress_cases() >= 20000 ? 16 : 2;
     for (uint32_t cell = 0; cell < cells * cells; ++cell) {
         for (uint32_t i = 0; i < planes; ++i) {
-            const double u = (cell % cells + random.unit()) * 2 / cells - 1,
-                         v = (cell / cells + random.unit()) * 2 / cells - 1;
+            const auto at = [&](uint32_t node) { // nearer to it than to any other
+                return std::clamp((node + random.unit() - 0.5) * 2 / (cells - 1) - 1, -1.0, 1.0);
+            };
+            const double u = at(cell % cells), v = at(cell / cells);
             const double x = (u + v) / 2, y = (u - v) / 2, z = 1 - std::fabs(x) - std::fabs(y);
             const uint8_t* mask = tables.planes + size_t(cell) * 128;
             uint32_t count = 0;
