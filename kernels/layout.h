@@ -34,7 +34,8 @@ struct MaskLayout {
     SampleMap samples;
     PlaneMap planes;
     uint32_t side;        // 32 or 64
-    uint32_t plane_cells; // cells along a side of the square (octahedral) or of a face (cube, a power of two)
+    uint32_t plane_cells; // even: cells along a side of the square (octahedral) or of a face (cube, a power
+                          // of two)
 };
 
 constexpr uint32_t mask_bits(const MaskLayout& l) {

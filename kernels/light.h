@@ -1,4 +1,5 @@
-// The kernels that take light and its reflection to masks: glossy transfer for a view, radiance. One table of
+// The kernels that take light and its reflection to masks: glossy transfer for a view, radiance, and the
+// products of what far objects hide. One table of
 // them an instruction set, all with the same bits, as in kernels.h.
 #pragma once
 

@@ -131,9 +131,10 @@ void cell_normal(const MaskLayout& layout, uint32_t cell, double n[3]) {
     const uint32_t k = layout.plane_cells;
     // The octahedral square has cells around its very rim, so that upright planes are exact but for their
     // azimuth: walls and the edges above a receiver would else lean inwards, all the same way.
-    double u = (cell % k + 0.5) * 2 / k - 1, v = (cell / k % k + 0.5) * 2 / k - 1;
-    if (layout.planes == PlaneMap::octahedral) {
-        u = double(cell % k) * 2 / (k - 1) - 1, v = double(cell / k % k) * 2 / (k - 1) - 1;
+    const bool to_rim = layout.planes == PlaneMap::octahedral;
+    const auto place = [&](uint32_t i) { return to_rim ? 2.0 * i / (k - 1) - 1 : (i + 0.5) * 2 / k - 1; };
+    const double u = place(cell % k), v = place(cell / k % k);
+    if (to_rim) {
         n[0] = (u + v) / 2;
         n[1] = (u - v) / 2;
         n[2] = 1 - std::fabs(n[0]) - std::fabs(n[1]);
@@ -317,7 +318,7 @@ float horizon_tangent(const MaskLayout& layout) {
             lowest = d[2] / std::sqrt(1 - d[2] * d[2]);
     }
     // Half a cell of the table turns a plane by less than this.
-    const double table_error = 2.5 / layout.plane_cells;
+    const double table_error = 2.5 / (layout.plane_cells - 1);
     return float(lowest > table_error ? lowest - table_error : 0.0);
 }
 

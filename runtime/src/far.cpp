@@ -148,12 +148,13 @@ void look_farther(void* context, uint32_t begin, uint32_t end, uint32_t slot) {
 
 void look_far(const Frame& frame, const MeshSlice& slice, const ReceiverBounds& receivers, Worker& worker) {
     const FarView& view = frame.far_views[slice.body];
+    const bool empty = !worker.has_far_view || view.empty;
     if (worker.far_count == 0) {
-        worker.far_matrix = view.empty ? nullptr : view.matrix;
+        worker.far_matrix = empty ? nullptr : view.matrix;
         return;
     }
     const size_t bytes = far_faces * size_t(mask_bytes(frame.tables->layout));
-    if (view.empty) {
+    if (empty) {
         std::memset(worker.masks.data(), 0, bytes);
     } else {
         std::memcpy(worker.masks.data(), view.masks, bytes);

@@ -1,5 +1,5 @@
-// Objects that lie far from a region of receivers: seen once from the region's middle, and multiplied into
-// its transfer vectors.
+// Objects that lie far from a region of receivers: seen once from the region's middle, or, farther still,
+// from its mesh's, and multiplied into its transfer vectors.
 #pragma once
 
 #include "frame_data.h"

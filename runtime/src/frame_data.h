@@ -151,15 +151,16 @@ struct Worker {
     Vector<uint32_t> groups;            // of clusters, that may matter
     Vector<uint32_t> meshes;            // of the frame, that may matter
     Vector<uint32_t> visible;           // of the candidates (frames with a visible set)
-    Vector<uint32_t> far_meshes;        // of other objects, seen from the region's middle alone
+    Vector<uint32_t> far_meshes;        // of other objects, seen from one point alone
     Vector<uint8_t> masks_before;       // of a batch, before a cluster was drawn (frames that record)
     uint32_t rows[kernels::lanes] = {}; // of the visible set, of a batch's receivers
     Vector<float> points_before;        // of a chunk (frames with a history)
     uint32_t far_count = 0;             // of far_meshes
     kernels::Batch far_batch = {};
     alignas(64) float own_matrix[25][25] = {};
-    const float (*far_matrix)[25] =
-        nullptr; // what far objects leave of a region's transfer vectors; null: all
+    bool has_far_view = false; // the mesh's FarView is for this region too
+    // What far objects leave of a region's transfer vectors; null: all.
+    const float (*far_matrix)[25] = nullptr;
     kernels::Batch batches[region_batches] = {};
     kernels::Rays rays = {};
     alignas(64) float normal[3][kernels::lanes] = {};

@@ -192,8 +192,8 @@ bool is_farther(const Frame& frame, uint32_t m, const ReceiverBounds& receivers)
     return mesh.distance - mesh.reach >= frame.quality.farther_gap * receivers.radius;
 }
 
-// The same of a region's receivers: no part is nearer to one of them than
-// quality.far_gap times the radius of all.
+// The same of a region's receivers: no part is nearer to one of them than quality.far_gap times the radius of
+// all.
 bool is_far(const Frame& frame, uint32_t m, const ReceiverBounds& receivers) {
     const float gap = frame.quality.far_gap * receivers.radius;
     const Apart mesh = apart_from_mesh(frame, m, receivers);
@@ -266,14 +266,17 @@ uint32_t select_candidates(const Frame& frame, const MeshSlice& slice, const Rec
     const uint32_t seen = k.select_clusters(home, frame.mesh_bounds.view(meshes), nullptr, meshes,
                                             frame.tables->horizon, worker.meshes.data(), &tested);
     const ReceiverBounds own = middle_of(frame, slice.body);
-    const bool has_view = slice.looks_far && frame.far_views[slice.body].wanted;
+    // A receiver that is no corner of a triangle may be anywhere, and must not see from the mesh's middle.
+    const bool is_at_mesh =
+        apart_from_mesh(frame, slice.body, home).distance <= own.radius && home.radius <= 1.25f * own.radius;
+    worker.has_far_view = slice.looks_far && frame.far_views[slice.body].wanted && is_at_mesh;
     uint32_t count = 0;
     for (uint32_t i = 0; i < seen; ++i) {
         const uint32_t m = worker.meshes[i];
         uint32_t* const out = worker.candidates.data() + count;
         if (!frame.proxies || frame.meshes[m].in.object == slice.in.object) {
             count += select_levels(frame, m, frame.level_bands[m], receivers, out, worker);
-        } else if (has_view && is_farther(frame, m, own)) {
+        } else if (worker.has_far_view && is_farther(frame, m, own)) {
             continue; // look_farther
         } else if (!frame.has_history && is_small(frame, m, home)) {
             // With a history it would come and go as receivers move that others are kept beside.

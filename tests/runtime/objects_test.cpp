@@ -131,6 +131,20 @@ TEST(Objects, TheFarthestAreDrawnOnceAMesh) {
     EXPECT_LT(far.stats.triangles_rasterized - own, (drawn.stats.triangles_rasterized - own) / 20);
 }
 
+// A vertex of no triangle, right over another object's top and far from its own mesh, looks down at it.
+TEST(Objects, LooseReceiversSeeFromWhereTheyAre) {
+    Engine engine;
+    const scenes::Mesh ball = scenes::sphere(3);
+    scenes::Mesh with_loose = ball;
+    with_loose.rest_positions.push_back({12, 1.2f, 0});
+    with_loose.rest_normals.push_back({0, -1, 0});
+    const Outputs out =
+        run_far(engine.context, {moved(at_rest(add(engine.context, with_loose), with_loose), {0, 0, 0}, 1),
+                                 moved(at_rest(add(engine.context, ball), ball), {12, 0, 0}, 2)});
+    EXPECT_LT(out.meshes[0].transfer.back()[0] / 0.28209479f, 0.35f);
+    EXPECT_GT(out.meshes[0].transfer.front()[0] / 0.28209479f, 0.95f);
+}
+
 // Seen once for a region of receivers.
 TEST(Objects, FarOnesAreMultipliedIn) {
     Engine engine;

@@ -1,8 +1,8 @@
 #include "tools/render/render.h"
-#include "tools/commands/pvs.h"
 
 #include "tools/commands/choice.h"
 #include "tools/commands/commands.h"
+#include "tools/commands/pvs.h"
 #include "tools/report/failure.h"
 #include "tools/report/output.h"
 #include "tools/report/progress.h"
