@@ -59,8 +59,8 @@ struct ClusterView {
     const uint8_t* edges;     // 2 an edge: corners
     const uint8_t* triangles; // 8 a triangle: corner[3], edge[3], flipped, unused
     // 8 arrays of triangle_slots(triangle_count) floats: unit normal (x, y, z) and distance of the plane,
-    // centre (x, y, z) and radius of a sphere. A degenerate triangle has normal and distance 0; so have the
-    // slots past the last, and radius -FLT_MAX.
+    // centre (x, y, z) and radius of a sphere. A degenerate triangle, or one whose cross product's square is
+    // below FLT_MIN, has normal and distance 0; so have the slots past the last, and radius -FLT_MAX.
     const float* bounds;
     uint32_t vertex_count, edge_count, triangle_count;
     uint32_t two_sided;

@@ -153,8 +153,9 @@ void fill_bounds(ClusterInput& c) {
             v[k] = p[2][k] - p[0][k];
         }
         const float n[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
-        const float length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
-        if (!(length > 0)) continue;
+        const float area = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
+        if (!(area >= FLT_MIN)) continue;
+        const float length = std::sqrt(area);
         float centre[3], far = 0, plane = 0;
         for (uint32_t k = 0; k < 3; ++k) {
             out[k * slots + t] = n[k] / length;

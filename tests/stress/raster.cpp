@@ -88,8 +88,9 @@ void fill_bounds(ClusterInput& c, const std::vector<Point>& points) {
         const float ux = p[1][0] - p[0][0], uy = p[1][1] - p[0][1], uz = p[1][2] - p[0][2];
         const float vx = p[2][0] - p[0][0], vy = p[2][1] - p[0][1], vz = p[2][2] - p[0][2];
         const float x = uy * vz - uz * vy, y = uz * vx - ux * vz, z = ux * vy - uy * vx;
-        const float length = std::sqrt(x * x + y * y + z * z);
-        if (!(length > 0)) continue;
+        const float area = x * x + y * y + z * z;
+        if (!(area >= FLT_MIN)) continue;
+        const float length = std::sqrt(area);
         const float n[3] = {x / length, y / length, z / length};
         float centre[3], radius;
         sphere_around({p[0], p[1], p[2]}, centre, radius);
