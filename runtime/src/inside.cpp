@@ -64,25 +64,26 @@ uint32_t clusters_along(const Frame& frame, uint32_t mesh, uint32_t closed, Work
 // ray may meet a broken triangle.
 uint32_t count_winding(const Frame& frame, Worker& worker, int32_t winding[lanes]) {
     const Kernels& k = *frame.kernels;
+    Rays& rays = worker.rays;
+    const uint32_t active = rays.active;
     uint32_t unknown = 0;
     for (uint32_t m = 0; m < frame.mesh_count; ++m) {
         const MeshSlice& slice = frame.meshes[m];
         // Closed parts wind 0 times around what lies outside of them.
-        const uint32_t held = within(frame.closed_boxes[m], worker.rays);
-        if (!held) continue;
-        int32_t own[lanes] = {};
+        rays.active = active;
+        rays.active = within(frame.closed_boxes[m], rays);
+        if (!rays.active) continue;
         const uint32_t closed = slice.in.receive_only ? 0 : slice.mesh->closed_clusters;
         const uint32_t count = clusters_along(frame, m, closed, worker);
         const float* points = frame.points.data() + 4 * size_t(slice.first_point);
         for (uint32_t i = 0; i < count; ++i) {
             const uint32_t c = worker.selected[i];
             const ClusterView& view = frame.views[c];
-            if (frame.broken[c]) unknown |= meeting(worker.rays, view.centre, view.radius);
-            k.count_crossings(worker.rays, view, points, own);
+            if (frame.broken[c]) unknown |= meeting(rays, view.centre, view.radius);
+            k.count_crossings(rays, view, points, winding);
         }
-        for (uint32_t lane = 0; lane < lanes; ++lane)
-            winding[lane] += held >> lane & 1 ? own[lane] : 0;
     }
+    rays.active = active;
     return unknown;
 }
 
