@@ -6,7 +6,6 @@
 
 #include <optional>
 #include <string>
-#include <vector>
 
 namespace nusselt::tools {
 
@@ -29,8 +28,5 @@ Choice choose(const std::string& path, const std::string& clip, bool moving);
 void check_time(const Choice& choice, double seconds, const std::string& option);
 
 std::string seconds_text(double seconds);
-
-// The parts of NAME:NUMBER:... on the command line, at least one.
-std::vector<std::string> split_at_colons(const std::string& text);
 
 } // namespace nusselt::tools

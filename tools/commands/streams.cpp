@@ -1,6 +1,6 @@
 #include "tools/commands/streams.h"
 
-#include "tools/commands/choice.h"
+#include "tools/commands/arguments.h"
 #include "tools/report/failure.h"
 #include "tools/report/npy.h"
 
