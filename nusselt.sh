@@ -131,9 +131,9 @@ stress() {
 
 # The thread sanitizer knows nothing of TBB: what runs threads is built without it, on executors of the tests' own, and
 # once with it, its own code left out. The memory sanitizer sees the library alone. Each has bugs planted that it must
-# find (tests/sanitizers).
+# find (tests/sanitizers). A job whose tests fail doesn't keep the others from running.
 sanitize() {
-    local kinds=("$@") kind
+    local kinds=("$@") kind failed=0
     [[ ${#kinds[@]} != 0 ]] || kinds=(address thread memory valgrind)
     third_party/install.sh sanitizers
     for kind in "${kinds[@]}"; do
@@ -141,27 +141,27 @@ sanitize() {
             address)
                 preset=asan-ubsan
                 build
-                run_tests -LE slow
+                run_tests -LE slow || failed=1
                 ;;
             thread)
                 preset=tsan
                 build jobs_test runtime_test embed_test stress_kernels_test stress_frame_test stress_faults_test \
                     sanitizers_frames
-                run_tests -R 'jobs_test|runtime_test|embed_test|stress|sanitizers'
+                run_tests -R 'jobs_test|runtime_test|embed_test|stress|sanitizers' || failed=1
                 preset=tsan-tbb
                 build sanitizers_frames
-                run_tests -L sanitizers
+                run_tests -L sanitizers || failed=1
                 ;;
             memory)
                 need_clang "the memory sanitizer" || continue
                 preset=msan
                 build sanitizers_frames
-                run_tests -L sanitizers
+                run_tests -L sanitizers || failed=1
                 ;;
             valgrind)
                 preset=release
                 build sanitizers_frames
-                run_tests -L sanitizers
+                run_tests -L sanitizers || failed=1
                 ;;
             *)
                 echo "nusselt.sh: sanitize knows address, thread, memory and valgrind, not '$kind'" >&2
@@ -169,6 +169,7 @@ sanitize() {
                 ;;
         esac
     done
+    return $failed
 }
 
 run_tests() {

@@ -75,4 +75,16 @@ PATH=$work/bin "$root/third_party/install.sh" </dev/null >"$work/out" 2>&1
 PATH=$work/empty "$root/third_party/install.sh" </dev/null >"$work/out" 2>&1 || fail "no apt-get: install.sh failed"
 grep -q Fedora "$work/out" || fail "no apt-get: no packages named"
 
+# A sanitizer's job whose first half fails runs its second half all the same, and fails in the end.
+ln -s "$(command -v dirname)" "$work/bin/dirname"
+stand_in cmake <<<':'
+stand_in ctest <<<'echo "$2" >>"$LOG"; [[ $2 != build/tsan ]]'
+code=0
+PATH=$work/bin "$root/nusselt.sh" sanitize thread >"$work/out" 2>&1 || code=$?
+[[ $code == 1 && $(<"$LOG") == $'build/tsan\nbuild/tsan-tbb' ]] || fail "sanitize thread: exit $code, ran $(<"$LOG")"
+rm "$LOG"
+stand_in ctest <<<'echo "$2" >>"$LOG"'
+PATH=$work/bin "$root/nusselt.sh" sanitize thread valgrind >"$work/out" 2>&1 || fail "sanitize: failed without a reason"
+[[ $(wc -l <"$LOG") == 3 ]] || fail "sanitize thread valgrind ran: $(<"$LOG")"
+
 rm -rf "$work"
