@@ -296,6 +296,17 @@ TEST(Picture, ToneMapRisesFromBlackToWhite) {
     EXPECT_GT(picture.rgb.back(), 250);
 }
 
+TEST(Picture, ToneMapTakesAnyNumber) {
+    const Image image{2, 2, {1e19f, 1e38f, INFINITY, NAN, -1, -INFINITY, 0, -NAN, 1e-45f, 3e38f, 1e6f, 1e7f}};
+    for (const float exposure : {1.0f, 1e30f}) {
+        const Picture picture = tone_map(image, exposure);
+        for (const size_t white : {0u, 1u, 2u, 9u, 10u, 11u})
+            EXPECT_EQ(picture.rgb[white], 255) << white;
+        for (const size_t black : {3u, 4u, 5u, 6u, 7u, 8u})
+            EXPECT_EQ(picture.rgb[black], 0) << black;
+    }
+}
+
 TEST(Picture, BesideKeepsPixels) {
     Picture a(2, 2), b(1, 2);
     a.rgb.assign(a.rgb.size(), 10);

@@ -130,6 +130,18 @@ protected:
         return finish(start(arguments, "std", around));
     }
 
+    // Until the child has a handler for Ctrl-C: before, it is not the program's to answer.
+    static void wait_for_handler(pid_t child) {
+        const std::string path = "/proc/" + std::to_string(child) + "/status";
+        for (const auto begin = Clock::now(); milliseconds(Clock::now() - begin) < 10000;) {
+            const std::string status = contents(path);
+            const size_t at = status.find("SigCgt:");
+            if (at == std::string::npos) break; // no such system, or gone
+            if (std::stoull(status.substr(at + 7), nullptr, 16) >> (SIGINT - 1) & 1) return;
+            std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        }
+        std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
     // One line on stderr that says something.
     static void expect_told(const Outcome& outcome) {
         EXPECT_EQ(outcome.code, 1) << "signal " << outcome.signal << '\n' << outcome.err;
@@ -275,8 +287,8 @@ TEST_F(Faults, Interrupted) {
         fs::remove_all(folder / "made");
         for (int i = 0; i < many(4); ++i) {
             const pid_t child = start(command);
-            // Not before the program has its handler: until then it is not ours to answer.
-            std::this_thread::sleep_for(std::chrono::milliseconds(20) + up_to(whole));
+            wait_for_handler(child);
+            std::this_thread::sleep_for(up_to(whole));
             const auto asked = Clock::now();
             kill(child, SIGINT);
             const Outcome outcome = finish(child);

@@ -51,7 +51,9 @@ Picture tone_map(const Image& image, float exposure) {
     Picture picture(image.width, image.height);
     for (size_t k = 0; k < picture.rgb.size(); ++k) {
         const float value = image.rgb[k] * exposure;
-        picture.rgb[k] = static_cast<uint8_t>(255 * srgb(film(value > 0 ? value : 0.0f)) + 0.5f);
+        // White long before the curve's squares overflow; no number is black.
+        picture.rgb[k] =
+            static_cast<uint8_t>(255 * srgb(film(value > 0 ? std::min(value, 1e6f) : 0.0f)) + 0.5f);
     }
     return picture;
 }
