@@ -8,6 +8,14 @@ namespace nusselt {
 
 namespace {
 
+// Vertices that lie in more of a level's clusters than this are left out: those around a hub of n clusters
+// would be n for each of as many finer ones. A hub's neighbours tell who covers a cluster there. 10 on real
+// models.
+constexpr uint32_t most_around = 32;
+// A cluster with more over it is one of random triangles; it is said to be covered by none, and drawn at all
+// distances. 37 on real models.
+constexpr size_t most_covers = 64;
+
 // The clusters of one level around each welded vertex.
 struct Incidence {
     explicit Incidence(const Allocator& a)
@@ -56,6 +64,7 @@ void build_covers(const Allocator& allocator, MeshData& mesh) {
         for (uint32_t c = first; c < end; ++c) {
             found.clear();
             const auto add = [&](uint32_t w) {
+                if (coarse.begin[w + 1] - coarse.begin[w] > most_around) return;
                 found.insert(found.end(), coarse.clusters.begin() + coarse.begin[w],
                              coarse.clusters.begin() + coarse.begin[w + 1]);
             };
@@ -67,6 +76,7 @@ void build_covers(const Allocator& allocator, MeshData& mesh) {
             }
             std::sort(found.begin(), found.end());
             found.erase(std::unique(found.begin(), found.end()), found.end());
+            if (found.size() > most_covers) found.clear();
             clusters.covers.insert(clusters.covers.end(), found.begin(), found.end());
             clusters.cover_begin.push_back(static_cast<uint32_t>(clusters.covers.size()));
         }

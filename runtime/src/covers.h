@@ -5,7 +5,8 @@
 
 namespace nusselt {
 
-// Fills clusters.cover_begin and clusters.covers from the clusters and samples of all levels.
+// Fills clusters.cover_begin and clusters.covers from the clusters and samples of all levels. At most 64 a
+// cluster, whatever the mesh.
 void build_covers(const Allocator& allocator, MeshData& mesh);
 
 } // namespace nusselt

@@ -37,25 +37,36 @@ Status check(const MeshDesc& desc) {
     return {};
 }
 
-template<class T>
-size_t bytes_of(const Vector<T>& v) {
-    return v.capacity() * sizeof(T);
+// Calls run for each array of a mesh.
+template<class Cluster, class Run>
+void each_array_of_clusters(Cluster& c, const Run& run) {
+    run(c.vertex_begin), run(c.edge_begin), run(c.triangle_begin);
+    run(c.two_sided), run(c.level), run(c.vertices), run(c.edges), run(c.triangles);
+    run(c.cover_begin), run(c.covers);
 }
-
-size_t bytes_of(const Clusters& c) {
-    return bytes_of(c.vertex_begin) + bytes_of(c.edge_begin) + bytes_of(c.triangle_begin) +
-           bytes_of(c.two_sided) + bytes_of(c.level) + bytes_of(c.vertices) + bytes_of(c.edges) +
-           bytes_of(c.triangles) + bytes_of(c.cover_begin) + bytes_of(c.covers);
+template<class Mesh, class Run>
+void each_array(Mesh& m, const Run& run) {
+    run(m.weld), run(m.weld_source), run(m.fan_begin), run(m.fan), run(m.solid);
+    run(m.receivers), run(m.duplicates), run(m.duplicate_of), run(m.duplicate_begin);
+    run(m.full_triangles), run(m.ring_begin), run(m.ring), run(m.full_two_sided), run(m.anchor);
+    each_array_of_clusters(m.clusters, run);
+    each_array_of_clusters(m.coarse_clusters, run);
+    run(m.samples.begin), run(m.samples.cluster_begin), run(m.samples.vertex), run(m.samples.corner);
+    run(m.samples.weight), run(m.samples.tangential);
 }
 
 size_t bytes_of(const MeshData& m) {
-    return sizeof(m) + bytes_of(m.weld) + bytes_of(m.weld_source) + bytes_of(m.fan_begin) + bytes_of(m.fan) +
-           bytes_of(m.solid) + bytes_of(m.receivers) + bytes_of(m.duplicates) + bytes_of(m.duplicate_of) +
-           bytes_of(m.duplicate_begin) + bytes_of(m.full_triangles) + bytes_of(m.ring_begin) +
-           bytes_of(m.ring) + bytes_of(m.full_two_sided) + bytes_of(m.anchor) + bytes_of(m.clusters) +
-           bytes_of(m.samples.begin) + bytes_of(m.samples.cluster_begin) + bytes_of(m.samples.vertex) +
-           bytes_of(m.samples.corner) + bytes_of(m.samples.weight) + bytes_of(m.samples.tangential) +
-           bytes_of(m.coarse_clusters);
+    size_t sum = sizeof(m);
+    each_array(m, [&]<class T>(const Vector<T>& v) { sum += v.capacity() * sizeof(T); });
+    return sum;
+}
+
+// Lists that grew hold up to twice what is in them. Not shrink_to_fit, which keeps still where there is no
+// memory: then add_mesh would take more than it says.
+void fit(MeshData& m) {
+    each_array(m, []<class T>(Vector<T>& v) {
+        if (v.capacity() > v.size()) Vector<T>(v).swap(v);
+    });
 }
 
 const Status no_context{StatusCode::invalid_argument,
@@ -93,6 +104,7 @@ Status add_mesh(Context* context, const MeshDesc& desc, MeshId* out) {
         MeshInfo info;
         data = make<MeshData>(context->allocator, context->allocator);
         build_mesh(desc, LevelOptions{}, context->allocator, *data, info);
+        fit(*data);
         data->identity = mesh_identity(*data);
         info.bytes = bytes_of(*data);
         const std::lock_guard lock(context->guard);
@@ -108,9 +120,11 @@ Status add_mesh(Context* context, const MeshDesc& desc, MeshId* out) {
 // As in levels.cpp: vertices of more triangles bring no ring to their neighbours.
 constexpr size_t max_ring_valence = 256;
 
-// The rings of the quality `paper` are bounded exactly; they are what differs most from mesh to mesh. The
-// rest comes to at most 74 bytes a vertex and 70 a triangle on every mesh tried, and adding to 200 and 600
-// more.
+// What is held: 73 bytes a vertex and 37 a triangle at most; of levels and coarse mesh, 26 a triangle where
+// it shares nothing, 2 for its cluster and 16 for what covers that, and no more than two and a half times the
+// mesh's triangles on every mesh tried. The rings of the quality `paper` differ most from mesh to mesh and
+// are bounded apart. While they are made they are there three times, as lists grow; later the levels' scratch
+// takes their place, at most 200 bytes a vertex and 600 a triangle on every mesh tried.
 Status mesh_memory_bound(const Context* context, const MeshDesc& desc, MeshMemory* out) {
     if (!context) return no_context;
     if (!out) return {StatusCode::invalid_argument, "no answer: out is null; pass where to write it"};
@@ -124,13 +138,19 @@ Status mesh_memory_bound(const Context* context, const MeshDesc& desc, MeshMemor
         Vector<uint32_t> valence(source.size(), 0, numbers);
         for (size_t i = 0; i < desc.index_count; ++i)
             ++valence[weld[desc.indices[i]]];
-        // A triangle at a vertex is in the rings of the vertex's neighbours, unless those are hubs.
-        size_t ring = 0;
-        for (const size_t v : valence)
-            ring += v <= max_ring_valence ? 2 * v * v : 0;
         const size_t vertices = desc.rest_positions.count, count = desc.index_count / 3;
-        out->held = sizeof(MeshData) + 4096 + 96 * vertices + 96 * count + sizeof(uint32_t) * ring;
-        out->peak = out->held + 8192 + 256 * vertices + 640 * count;
+        // A triangle at a vertex is in the rings of the vertex's neighbours, unless that is a hub; and in
+        // none twice.
+        size_t ring = 0, with_triangles = 0;
+        for (const size_t v : valence) {
+            ring += v <= max_ring_valence ? 2 * v * v : 0;
+            with_triangles += v > 0;
+        }
+        ring = std::min(ring, with_triangles * count);
+        out->held = sizeof(MeshData) + 4096 + 80 * vertices + 152 * count + sizeof(uint32_t) * ring;
+        out->peak =
+            out->held + 8192 +
+            std::max(64 * vertices + 128 * count + 2 * sizeof(uint32_t) * ring, 256 * vertices + 640 * count);
     } catch (const std::bad_alloc&) {
         return {StatusCode::out_of_memory,
                 "no answer: the allocator gave no memory; free some and try again"};

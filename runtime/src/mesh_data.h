@@ -47,7 +47,7 @@ struct Clusters {
     Vector<ClusterTriangle> triangles;
 
     // The clusters of the next level that stand for cluster c's surface: covers[cover_begin[c]] and on; none
-    // at the coarsest level. Not for coarse_clusters.
+    // at the coarsest level, and where they would be too many to list (covers.cpp). Not for coarse_clusters.
     Vector<uint32_t> cover_begin, covers;
 
     uint32_t count() const { return static_cast<uint32_t>(level.size()); }

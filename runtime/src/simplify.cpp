@@ -19,6 +19,9 @@ constexpr double sliver_shape = 0.02;
 // Reshaping collapses make no hub of more triangles: everything around one would be looked at again and
 // again.
 constexpr size_t max_reshaped = 64;
+// A vertex of more triangles stays: to try all ways to move the pole of a fan of n, each time one of its
+// neighbours has moved, takes n^3 steps.
+constexpr size_t max_moved = 256;
 
 void add(Quadric& q, const Quadric& r) {
     q.xx += r.xx, q.yy += r.yy, q.zz += r.zz;
@@ -155,8 +158,9 @@ void enqueue(Simplifier& s, uint32_t v, double cost) {
 // The cheapest neighbour of v, whether or not it may go there, into best_cost (-1: none) and best_vertex.
 void find_best(Simplifier& s, uint32_t v) {
     gather_fan(s, v);
-    gather_ring(s);
     s.best_cost[v] = -1;
+    if (s.fan.size() > max_moved) return;
+    gather_ring(s);
     for (const Simplifier::Neighbour& n : s.ring) {
         if (!may_follow(s, v, n)) continue;
         const double cost = collapse_cost(s, v, n.vertex);
@@ -456,6 +460,7 @@ float simplify(Simplifier& s, const Vec3f* positions, const SimplifyOptions& opt
         if (top.cost != s.queued_cost[v]) continue; // has been queued again since
         s.queued_cost[v] = -1;
         gather_fan(s, v);
+        if (s.fan.size() > max_moved) continue; // has grown since
         const uint32_t base = gather_ring(s);
         for (Simplifier::Neighbour& n : s.ring) {
             n.cost = may_follow(s, v, n) ? collapse_cost(s, v, n.vertex) : -1;

@@ -43,7 +43,9 @@ struct Simplifier {
     Vector<uint32_t> local_of;
     // By local vertex.
     Vector<uint32_t> vertices, head, best_vertex, mark;
-    Vector<uint8_t> pinched, border; // pinched: not manifold
+    // As they were when the call began. Pinched: not manifold. What reshaping collapses pinch counts from the
+    // next call (the next level) on.
+    Vector<uint8_t> pinched, border;
     // Of its quadric at itself; of the cheapest collapse; of the entry in `heap` that counts (-1: none).
     Vector<double> own_cost, best_cost, queued_cost;
     Vector<Quadric> quadrics;
@@ -69,11 +71,11 @@ struct SimplifyOptions {
 };
 
 // Stops at the target, at the limit of cost, or when nothing may collapse any more. Borders collapse along
-// themselves. What changes the surface's shape (a hole or a handle closes, a part becomes flat, or is not
-// manifold there) costs as much as if all that a vertex stands for moved with it: small holes close early,
-// large ones late. No part goes below two triangles that lie on each other, or one with a border. A mesh
-// whose edges balance (as often used one way as the other) stays so, but need not stay manifold. Returns a
-// bound on the distance of the removed vertices to the result (0 without `measure`).
+// themselves. What changes the surface's shape (a hole or a handle closes, a part becomes flat, or was not
+// manifold there when the call began) costs as much as if all that a vertex stands for moved with it: small
+// holes close early, large ones late. No part goes below two triangles that lie on each other, or one with a
+// border. A mesh whose edges balance (as often used one way as the other) stays so, but need not stay
+// manifold. Returns a bound on the distance of the removed vertices to the result (0 without `measure`).
 float simplify(Simplifier& s, const Vec3f* positions, const SimplifyOptions& options);
 
 } // namespace nusselt

@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstdio>
 #include <ctime>
+#include <random>
 #include <set>
 
 namespace nusselt::test {
@@ -397,6 +398,38 @@ TEST(Levels, ScaleDoesNotMatter) {
         }
         expect_equal(a.data, build(scaled).data);
     }
+}
+
+// Poles take no longer for all their triangles (n^3 steps would be a minute). Around a hub of n clusters, or
+// among random triangles whose vertices become hubs, each cluster would have as many over it: the lists stay
+// short, and a hub's clusters are covered through their other vertices.
+TEST(Levels, CoversStayFewAroundHubsAndInRandomTriangles) {
+    const auto longest = [](const Clusters& c) {
+        uint32_t most = 0;
+        for (uint32_t i = 0; i < c.count(); ++i)
+            most = std::max(most, c.cover_begin[i + 1] - c.cover_begin[i]);
+        return most;
+    };
+    const Built ball = build(sphere(4000, 3)); // poles of 4,000 triangles
+    const Clusters& c = ball.data.clusters;
+    EXPECT_LE(longest(c), 16u);
+    for (uint32_t i = 0; i < c.count(); ++i) {
+        if (c.level[i] + 1u < ball.info.levels) {
+            ASSERT_GT(c.cover_begin[i + 1], c.cover_begin[i]) << i;
+        }
+    }
+    TriangleMesh loose;
+    std::minstd_rand random(5);
+    for (uint32_t v = 0; v < 4000; ++v)
+        loose.positions.push_back({float(random() % 1000), float(random() % 1000), float(random() % 1000)});
+    for (uint32_t t = 0; t < 6000; ++t) {
+        const auto any = [&] { return static_cast<uint32_t>(random() % 4000); };
+        loose.triangle(any(), any(), any());
+    }
+    const Built net = build(loose);
+    EXPECT_GT(net.info.levels, 1u);
+    EXPECT_LE(longest(net.data.clusters), 64u);
+    EXPECT_LE(net.data.clusters.covers.size(), 6 * loose.indices.size());
 }
 
 TEST(Levels, LargeSphere) {
