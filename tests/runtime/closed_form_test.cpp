@@ -65,7 +65,7 @@ scenes::Mesh rectangle(const glm::vec3& corner, const glm::vec3& u, const glm::v
 TEST(ClosedForm, TangentWallHidesHalf) {
     Engine engine;
     Errors errors;
-    for (uint64_t seed = 0; seed < 100; ++seed) {
+    for (uint64_t seed = 0; seed < cases(250); ++seed) {
         Random random(seed);
         const glm::mat3 frame = random_frame(random); // receivers look along z, the wall stands at x = 0.02
         std::vector<glm::vec3> p, n;
@@ -80,7 +80,7 @@ TEST(ClosedForm, TangentWallHidesHalf) {
             errors.add(blocked_bits(out.meshes[0], v), 512);
     }
     tell("tangent wall", errors);
-    EXPECT_LE(errors.most, 6); // the table turns the plane about its axis, by up to half a cell
+    EXPECT_LE(errors.most, 9); // the table turns the plane about its axis, by up to half a cell
     EXPECT_LE(std::fabs(errors.mean()), 1);
 }
 
@@ -97,7 +97,7 @@ TEST(ClosedForm, TwoWallsHideThreeQuartersAndACeilingAll) {
 TEST(ClosedForm, TiltedHalfSpaces) {
     Engine engine;
     Errors errors;
-    for (uint64_t seed = 0; seed < 250; ++seed) {
+    for (uint64_t seed = 0; seed < cases(250); ++seed) {
         Random random(seed);
         const glm::mat3 frame = random_frame(random); // the wall stands at x = 0.02, receivers look anywhere
         std::vector<glm::vec3> p, n;
@@ -185,10 +185,10 @@ TEST(ClosedForm, RectangleOverItsCorner) {
         exact = (x / rx * std::atan(y / rx) + y / ry * std::atan(x / ry)) / (2 * pi);
         return rectangle(frame[2], frame[0] * a, frame[1] * b);
     };
-    const Errors errors = errors_under(300, make);
+    const Errors errors = errors_under(cases(4000), make);
     tell("parallel rectangle", errors);
     EXPECT_LE(errors.rms(), 3);
-    EXPECT_LE(errors.most, 13);
+    EXPECT_LE(errors.most, 15);
 }
 
 TEST(ClosedForm, UprightRectangle) {
@@ -199,7 +199,7 @@ TEST(ClosedForm, UprightRectangle) {
         exact = (std::atan(width / away) - away / slant * std::atan(width / slant)) / (2 * pi);
         return rectangle(frame[0] * away, frame[1] * width, frame[2] * height); // on the tangent plane
     };
-    const Errors errors = errors_under(4000, make);
+    const Errors errors = errors_under(cases(4000), make);
     tell("upright rectangle", errors);
     EXPECT_LE(errors.rms(), 2);
     EXPECT_LE(errors.most, 11);
@@ -209,7 +209,7 @@ TEST(ClosedForm, UprightRectangle) {
 TEST(ClosedForm, OpenBox) {
     Engine engine;
     Errors errors;
-    for (uint64_t seed = 0; seed < 250; ++seed) {
+    for (uint64_t seed = 0; seed < cases(250); ++seed) {
         Random random(seed);
         const glm::mat3 frame = random_frame(random);
         const float x = std::exp(random.between(-1, 1)), y = std::exp(random.between(-1, 1)),
@@ -245,7 +245,7 @@ TEST(ClosedForm, Disc) {
     Engine engine;
     Errors errors;
     constexpr uint32_t sides = 14; // a fan of fewer than 16 triangles has one level
-    for (uint64_t seed = 0; seed < 300; ++seed) {
+    for (uint64_t seed = 0; seed < cases(4000); ++seed) {
         Random random(seed);
         const glm::mat3 frame = random_frame(random);
         const float radius = std::exp(random.between(-2, 1.5f));
@@ -263,7 +263,7 @@ TEST(ClosedForm, Disc) {
         errors.add(blocked_bits(out.meshes[0], 0), 1024 * form_factor({}, glm::dvec3(frame[2]), rim));
     }
     tell("disc", errors);
-    EXPECT_LE(errors.rms(), 4);
+    EXPECT_LE(errors.rms(), 3.5);
     EXPECT_LE(errors.most, 14);
 }
 
@@ -271,7 +271,7 @@ TEST(ClosedForm, Sphere) {
     Engine engine;
     Errors errors;
     const scenes::Mesh sphere = scenes::sphere(3); // 1280 triangles, 0.5 % smaller than what it stands for
-    for (uint64_t seed = 0; seed < 60; ++seed) {
+    for (uint64_t seed = 0; seed < cases(250); ++seed) {
         Random random(seed);
         std::vector<glm::vec3> p, n;
         std::vector<double> exact;
@@ -289,8 +289,8 @@ TEST(ClosedForm, Sphere) {
             errors.add(blocked_bits(out.meshes[0], v), exact[v]);
     }
     tell("sphere", errors);
-    EXPECT_LE(errors.rms(), 6);
-    EXPECT_LE(errors.most, 30);
+    EXPECT_LE(errors.rms(), 5);
+    EXPECT_LE(errors.most, 25);
 }
 
 // Receivers inside a closed mesh whose fronts look inward: all is hidden, but for what the table's rounding
@@ -331,7 +331,7 @@ TEST(ClosedForm, EnclosureLeaksLittle) {
 TEST(ClosedForm, FansOfTheReceiversOwnTriangles) {
     Engine engine;
     Errors errors;
-    for (uint64_t seed = 0; seed < 300; ++seed) {
+    for (uint64_t seed = 0; seed < cases(4000); ++seed) {
         Random random(seed);
         const glm::mat3 frame = random_frame(random);
         constexpr uint32_t sides = 12;
@@ -353,9 +353,9 @@ TEST(ClosedForm, FansOfTheReceiversOwnTriangles) {
         errors.add(blocked_bits(out.meshes[0], 0), 1024 * (1 - form_factor({}, glm::dvec3(frame[2]), rim)));
     }
     tell("own fan", errors);
-    EXPECT_LE(errors.rms(), 29); // as the disc's
-    EXPECT_LE(errors.most, 63);
-    EXPECT_LE(std::fabs(errors.mean()), 2); // cracks between neighbours would show here
+    EXPECT_LE(errors.rms(), 5.5);
+    EXPECT_LE(errors.most, 21);
+    EXPECT_LE(std::fabs(errors.mean()), 1); // cracks between neighbours would show here
 }
 
 } // namespace

@@ -6,7 +6,9 @@
 
 namespace nusselt::test {
 
-// NUSSELT_STRESS_CASES from the environment, else 2000 (what CI can afford); 20,000 in ./nusselt.sh stress.
+// NUSSELT_STRESS_CASES from the environment, else 2000 (what CI can afford), 200 under the thread sanitizer;
+// 20,000 in
+// ./nusselt.sh stress.
 uint64_t stress_cases();
 // NUSSELT_STRESS_SEED, else 1. Printed once.
 uint64_t stress_seed();

@@ -203,7 +203,7 @@ Masks rasterize(const Kernels& set, const MaskLayout& layout, const Batch& batch
     std::fill_n(bench.masks.get(), bytes, uint8_t(0));
     const std::vector<ClusterInput> clusters = clusters_of(soup, options.per_cluster);
     // Without culling the horizon is a plane far below the tangent plane, so that it never decides.
-    const float horizon = options.cull ? tables.horizon : 0.0f;
+    const float horizon = !options.cull ? 0.0f : options.horizon < 0 ? tables.horizon : options.horizon;
     std::vector<uint32_t> chosen;
     if (options.cull) {
         chosen = select(set, batch, clusters, horizon);

@@ -22,6 +22,7 @@ using Masks = std::vector<uint8_t>; // 16 of them, one after the other
 struct RasterOptions {
     bool cull = true;          // cluster selection and horizon, as in a frame; else every triangle goes in
     uint32_t per_cluster = 64; // triangles at most
+    float horizon = -1;        // tangent of the elevation below which culling drops; negative: the table's
 };
 
 // The widest instruction set of this machine.
