@@ -304,7 +304,9 @@ std::vector<float> project_environment(const Image& environment, const std::stri
     if (!status.ok()) throw Failure(name, status.text);
     if (bad > 0) {
         const std::string text =
-            std::to_string(bad) + " pixels are negative or not finite and count as black; repair the image";
+            std::to_string(bad) +
+            " pixels are negative or not finite and count as black, or above 1e35 and count as that; "
+            "repair the image";
         std::fprintf(stderr, "%s\n", failure_line(name, text).c_str());
     }
     return light;

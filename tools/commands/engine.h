@@ -118,7 +118,7 @@ private:
 // Of a clip of that duration, cut into equal segments.
 uint32_t segment_at(double time, double duration, uint32_t segments);
 
-// `environment` in SH: 25 terms of 3 channels. Pixels that aren't finite or negative count as black, and are
+// `environment` in SH: 25 terms of 3 channels. Pixels that are not finite or negative count as black, and are
 // told on stderr once.
 std::vector<float> project_environment(const Image& environment, const std::string& name);
 

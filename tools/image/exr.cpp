@@ -84,7 +84,8 @@ void check_size(const Preview& in, std::string_view type, const Preview& value) 
 }
 
 void check_window(const Preview& in, const Window& window, const char* which) {
-    if (window.x1 < window.x0 || window.y1 < window.y0) in.fail(std::string("the ") + which + " is empty");
+    if (window.x1 < window.x0 || window.y1 < window.y0)
+        in.fail(std::string("the ") + which + " is empty; get the file again");
     if (window.width() > max_image_width || window.height() > max_image_height ||
         window.width() * window.height() > max_image_pixels) {
         in.fail("is " + std::to_string(window.width()) + " x " + std::to_string(window.height()) +
