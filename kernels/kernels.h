@@ -67,9 +67,12 @@ struct ClusterView {
     uint32_t full; // of the full mesh: a receiver in the plane of one of its triangles may touch it
     float centre[3], radius;
     float clearance; // a triangle whose plane passes the receiver no farther off than this is left out
-    float nearest,
-        farthest; // band of distances; a triangle is in it where its nearest corner is below `farthest` and
-                  // its farthest corner is not below `nearest`, so that levels overlap and leave no gap
+    // Band of distances: a triangle is in it where its nearest corner is below `farthest` and its farthest
+    // (of a cluster that blocks from both sides: its middle one) is not below `nearest`, so that levels
+    // overlap. A large triangle may pass right over a receiver that is far from all its corners, where the
+    // coarser level leaves it out: each is drawn to twice its own radius at least, but not beyond
+    // `outermost`.
+    float nearest, farthest, outermost;
 };
 constexpr uint32_t triangle_slots(uint32_t triangles) {
     return (triangles + 15) / 16 * 16;

@@ -160,7 +160,7 @@ void cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* p
             }
             if (!above_horizon(towards[lane], corner[0][lane], corner[1][lane], corner[2][lane])) continue;
             const Vec three[3] = {corner[0][lane], corner[1][lane], corner[2][lane]};
-            if (!in_band(cluster, three)) continue;
+            if (!in_band(cluster, t, three)) continue;
             bool valid = true;
             for (uint32_t k = 0; k < 3; ++k) {
                 const uint8_t* edge = cluster.edges + 2 * triangle[3 + k];

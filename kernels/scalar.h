@@ -83,16 +83,22 @@ inline bool above_horizon(const Horizon& h, const Vec& a, const Vec& b, const Ve
     return height > 0 && over > 0;
 }
 
-inline bool in_band(const ClusterView& cluster, const Vec corner[3]) {
-    float low = FLT_MAX, high = 0;
+// How far off a triangle of the cluster is drawn.
+inline float triangle_reach(const ClusterView& cluster, uint32_t triangle) {
+    const float own = 2 * cluster.bounds[7 * triangle_slots(cluster.triangle_count) + triangle];
+    return larger(cluster.farthest, own < cluster.outermost ? own : cluster.outermost);
+}
+
+inline bool in_band(const ClusterView& cluster, uint32_t triangle, const Vec corner[3]) {
+    const float farthest = triangle_reach(cluster, triangle);
+    uint32_t near = 0, far = 0; // corners
     for (uint32_t k = 0; k < 3; ++k) {
         const float square =
             corner[k].x * corner[k].x + corner[k].y * corner[k].y + corner[k].z * corner[k].z;
-        low = square < low ? square : low;
-        high = square > high ? square : high;
+        near += square < farthest * farthest;
+        far += square >= cluster.nearest * cluster.nearest;
     }
-    const float inner = cluster.two_sided ? low : high;
-    return low < cluster.farthest * cluster.farthest && inner >= cluster.nearest * cluster.nearest;
+    return near >= 1 && far >= (cluster.two_sided ? 2u : 1u);
 }
 
 // A triangle whose plane passes a ray's origin no farther off than this is not crossed by it.

@@ -284,6 +284,7 @@ uint32_t select_clusters(const ReceiverBounds& receivers, const ClusterBounds& c
 // that face all receivers, or none. The first is conservative, and so is the second, the other way round.
 struct FirstLook {
     uint64_t visible, faces_all, faces_none;
+    uint64_t large; // drawn beyond the cluster's band (triangle_reach)
 };
 
 // Lanes are triangles here, so that a triangle which no receiver sees costs a sixteenth of one that is worked
@@ -297,7 +298,8 @@ HWY_INLINE FirstLook first_look(const ReceiverBounds& receivers, const ClusterVi
     const V cone_cos = constant(receivers.cone_cos), cone_sin = constant(receivers.cone_sin);
     // A little more than the sphere: the tests' own rounding must not cull. Distances are below 4.
     const V radius = constant(receivers.radius * 1.00001f + 4e-6f);
-    const V nearest = constant(cluster.nearest), farthest = constant(cluster.farthest);
+    const V nearest = constant(cluster.nearest), farthest = constant(cluster.farthest),
+            outermost = constant(cluster.outermost);
     // Of the full mesh also what a receiver may touch from behind, by rounding.
     const V clearance = constant(cluster.full ? -cluster.clearance - 1e-5f : cluster.clearance);
     const M narrow = hn::Gt(cone_cos, zero);
@@ -314,7 +316,8 @@ HWY_INLINE FirstLook first_look(const ReceiverBounds& receivers, const ClusterVi
         const V square = dot(x, y, z, x, y, z);
         const V reach = hn::Add(load(7), radius);
         // distance - reach < farthest, and distance + reach >= nearest, without the root.
-        const V outer = hn::Add(farthest, reach), inner = larger(hn::Sub(nearest, reach), zero);
+        const V own = hn::Min(hn::Add(load(7), load(7)), outermost);
+        const V outer = hn::Add(larger(farthest, own), reach), inner = larger(hn::Sub(nearest, reach), zero);
         const M in_band =
             hn::And(hn::Lt(square, hn::Mul(outer, outer)), hn::Ge(square, hn::Mul(inner, inner)));
         const V along = dot(x, y, z, constant(receivers.cone[0]), constant(receivers.cone[1]),
@@ -328,6 +331,7 @@ HWY_INLINE FirstLook first_look(const ReceiverBounds& receivers, const ClusterVi
                                 hn::Gt(square, hn::Mul(steep, steep)));
         const M low = hn::And(narrow, hn::Or(under, lower));
         look.visible |= uint64_t(bits_of(hn::AndNot(low, hn::And(front, in_band)))) << t;
+        look.large |= uint64_t(bits_of(hn::Gt(own, farthest))) << t;
         look.faces_all |= uint64_t(bits_of(hn::Gt(hn::Sub(height_over, radius), clear))) << t;
         look.faces_none |= uint64_t(bits_of(hn::Lt(hn::Add(height_over, radius), opposite))) << t;
     }
@@ -454,6 +458,17 @@ HWY_INLINE M at_corner(const Chunk& chunk, const ClusterView& cluster, const flo
     return hn::Or(hn::Or(at(0), at(1)), at(2));
 }
 
+// The lanes in which a corner of the triangle lies nearer than that.
+HWY_INLINE uint32_t nearer_than(float distance, const ClusterScratch& scratch, const uint8_t* triangle) {
+    uint32_t near = 0;
+    for (uint32_t k = 0; k < 3; ++k) {
+        const auto& corner = scratch.local[triangle[k]];
+        const V x = hn::Load(df, corner[0]), y = hn::Load(df, corner[1]), z = hn::Load(df, corner[2]);
+        near |= bits_of(hn::Lt(dot(x, y, z, x, y, z), constant(distance * distance)));
+    }
+    return near;
+}
+
 template<PlaneMap map>
 void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float* points,
                      const MaskLayout& layout, float horizon, ClusterScratch& scratch, JobList& jobs,
@@ -534,12 +549,13 @@ void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float
         for (uint64_t left = seen; left; left &= left - 1) {
             const uint32_t t = static_cast<uint32_t>(__builtin_ctzll(left));
             const uint8_t* triangle = cluster.triangles + 8 * t;
-            const uint64_t any =
-                scratch.reach[triangle[0]] | scratch.reach[triangle[1]] | scratch.reach[triangle[2]];
-            const uint64_t far = cluster.two_sided ? scratch.reach[triangle[0]] & scratch.reach[triangle[1]] &
-                                                         scratch.reach[triangle[2]]
-                                                   : any;
-            const uint32_t reaches = static_cast<uint32_t>(any & any >> 16 & any >> 32 & far >> 48);
+            const uint64_t c0 = scratch.reach[triangle[0]], c1 = scratch.reach[triangle[1]],
+                           c2 = scratch.reach[triangle[2]], any = c0 | c1 | c2;
+            const uint64_t far = cluster.two_sided ? (c0 & c1) | (c1 & c2) | (c2 & c0) : any;
+            const uint32_t near = HWY_UNLIKELY(look.large >> t & 1)
+                                      ? nearer_than(triangle_reach(cluster, t), scratch, triangle)
+                                      : static_cast<uint32_t>(any >> 32);
+            const uint32_t reaches = static_cast<uint32_t>(any & any >> 16 & far >> 48) & near;
             front[t] &= reaches;
             back[t] &= reaches;
             if (!(front[t] | back[t])) continue;

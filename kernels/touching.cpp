@@ -42,7 +42,7 @@ void add_lane(const Batch& batch, const ClusterView& cluster, const float* point
     const Vec sum{corner[0].x + corner[1].x + corner[2].x, corner[0].y + corner[1].y + corner[2].y,
                   corner[0].z + corner[1].z + corner[2].z};
     if (!above_horizon(horizon_towards(horizon, sum), corner[0], corner[1], corner[2])) return;
-    if (!in_band(cluster, corner)) return;
+    if (!in_band(cluster, t, corner)) return;
     uint32_t entry[3];
     for (uint32_t k = 0; k < 3; ++k) {
         entry[k] = plane_entry(layout, cross(corner[k], corner[(k + 1) % 3]));

@@ -3,6 +3,7 @@
 #include "gloss.h"
 
 #include "kernels/prepare.h"
+#include "kernels/scalar.h"
 
 #include <algorithm>
 #include <cmath>
@@ -130,6 +131,7 @@ uint32_t lanes_in_band(const Batch& batch, const ClusterView& view, uint32_t tri
                        const float* const corner[3]) {
     const uint32_t slots = triangle_slots(view.triangle_count);
     const float* plane = view.bounds + triangle;
+    const float farthest = triangle_reach(view, triangle);
     uint32_t in = 0;
     for (uint32_t lane = 0; lane < lanes; ++lane) {
         float height = 0;
@@ -143,10 +145,10 @@ uint32_t lanes_in_band(const Batch& batch, const ClusterView& view, uint32_t tri
                 const float d = corner[k][axis] - batch.position[axis][lane];
                 square += d * d;
             }
-            near += square < view.farthest * view.farthest;
+            near += square < farthest * farthest;
             far += square >= view.nearest * view.nearest;
         }
-        in |= uint32_t(near > 0 && far >= (view.two_sided ? 3u : 1u)) << lane;
+        in |= uint32_t(near > 0 && far >= (view.two_sided ? 2u : 1u)) << lane;
     }
     return in & batch.valid;
 }
@@ -270,7 +272,9 @@ void raster_shells(const Frame& frame, const Batch& batch, uint32_t selected, Wo
             if (distance + around < near || distance - around >= far) continue;
             view.nearest = std::max(frame.views[c].nearest, near);
             view.farthest = std::min(frame.views[c].farthest, far);
-            if (view.nearest >= view.farthest) continue;
+            view.outermost = far;
+            if (view.nearest >= std::max(view.farthest, std::min(2 * frame.triangle_radius.data()[c], far)))
+                continue;
             const uint32_t first = jobs.count;
             frame.kernels->cluster_jobs(batch, view, points, frame.tables->layout, frame.tables->horizon,
                                         worker.scratch[0], jobs, worker.tally.counters);

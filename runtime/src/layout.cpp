@@ -3,6 +3,7 @@
 #include "objects.h"
 
 #include <algorithm>
+#include <cfloat>
 
 namespace nusselt {
 
@@ -142,6 +143,7 @@ void connect(Frame& frame) {
             view.triangle_count = k.triangle_begin[i + 1] - triangle;
             view.two_sided = k.two_sided[i];
             view.full = k.level[i] == 0 && !frame.quality.paper;
+            view.outermost = FLT_MAX;
             view.bounds = frame.triangle_bounds.data() + bounds;
             bounds += 8 * kernels::triangle_slots(view.triangle_count);
         }

@@ -104,7 +104,9 @@ void copy_proxies(Frame& frame, uint32_t m) {
     for (uint32_t c = 0; c < count; ++c) {
         frame.views[to + c] = frame.views[from + c];
         frame.views[to + c].nearest = frame.nearest.data()[to + c];
-        frame.views[to + c].farthest = frame.farthest.data()[to + c];
+        float& farthest = frame.farthest.data()[to + c];
+        frame.views[to + c].farthest = farthest;
+        farthest = std::max(farthest, 2 * frame.triangle_radius.data()[to + c]);
     }
 }
 

@@ -15,6 +15,10 @@ namespace {
 // farther off may lie on the wrong side of it, and hide all or nothing. As seen from there its triangles are
 // slivers, and where they are near the finer level is drawn.
 constexpr float clear_of_own = 1.5f;
+// Of the root mean square distance of a cluster from the level before it. A level serves where twice that of
+// the whole level is small enough, and where so many times a cluster's own is: flat parts would else vouch
+// for a finger.
+constexpr float error_of_own = 1.2f;
 
 // Coordinates are rounded, by 2^-24 of their distance from the frame's origin. So of two surfaces in one
 // plane one lies above the other here and there, by a few times that, and would hide the whole hemisphere:
@@ -199,19 +203,24 @@ void each_cover(const Clusters& clusters, uint32_t c, const Visit& visit) {
         visit(clusters.covers[k]);
 }
 
-// The distances at which clusters are drawn where a level's error may subtend `angle`. `of_cluster`: gathered
-// over the levels.
-void distance_bands(const Frame& frame, const MeshSlice& slice, const LevelError* of_cluster, float angle,
-                    float* nearest, float* farthest) {
+// The distances at which clusters' levels serve where a level's error may subtend `angle`. `of_cluster`:
+// gathered over the levels.
+void distance_bands(const MeshSlice& slice, const LevelError* of_cluster, float angle, float* nearest,
+                    float* farthest) {
     const Clusters& clusters = *slice.clusters;
+    const LevelSamples& samples = slice.mesh->samples;
     float error[max_levels];
-    level_errors(clusters, slice.mesh->samples, of_cluster, error);
-    for (uint32_t c = 0; c < clusters.count(); ++c)
-        nearest[c] = error[clusters.level[c]] / angle;
+    level_errors(clusters, samples, of_cluster, error);
     for (uint32_t c = 0; c < clusters.count(); ++c) {
-        // A large triangle may pass right over a receiver that lies far from all of its corners; the coarser
-        // level leaves it out there.
-        farthest[c] = 2 * frame.triangle_radius.data()[slice.first_cluster + c];
+        const uint32_t count = std::max(samples.cluster_begin[c + 1] - samples.cluster_begin[c], 1u);
+        const float own = error_of_own * std::sqrt(of_cluster[c].squares / float(count));
+        nearest[c] = std::max(error[clusters.level[c]], own) / angle;
+    }
+    // Finer levels come first: no cluster serves nearer than what it covers.
+    for (uint32_t c = 0; c < clusters.count(); ++c)
+        each_cover(clusters, c, [&](uint32_t over) { nearest[over] = std::max(nearest[over], nearest[c]); });
+    for (uint32_t c = 0; c < clusters.count(); ++c) {
+        farthest[c] = 0;
         bool covered = false;
         each_cover(clusters, c, [&](uint32_t over) {
             farthest[c] = std::max(farthest[c], nearest[over] + of_cluster[over].most);
@@ -312,11 +321,12 @@ void choose_bands(void* context, uint32_t begin, uint32_t end, uint32_t) {
                     of_cluster[over].most = std::max(of_cluster[over].most, of_cluster[c].most);
                 });
             }
-            distance_bands(frame, slice, of_cluster, frame.quality.angle, nearest, farthest);
+            distance_bands(slice, of_cluster, frame.quality.angle, nearest, farthest);
         }
         for (uint32_t c = 0; c < clusters.count(); ++c) {
             views[c].nearest = nearest[c];
             views[c].farthest = farthest[c];
+            farthest[c] = std::max(farthest[c], 2 * frame.triangle_radius.data()[slice.first_cluster + c]);
             const float own = frame.quality.paper ? 0 : clear_of_own * of_cluster[c].most;
             views[c].clearance = std::max(own, clear_of_rounding(views[c]));
         }
@@ -325,8 +335,8 @@ void choose_bands(void* context, uint32_t begin, uint32_t end, uint32_t) {
 }
 
 void choose_proxy_bands(const Frame& frame, const MeshSlice& slice, float* nearest, float* farthest) {
-    distance_bands(frame, slice, frame.level_errors.data() + slice.first_cluster, frame.quality.proxy_angle,
-                   nearest, farthest);
+    distance_bands(slice, frame.level_errors.data() + slice.first_cluster, frame.quality.proxy_angle, nearest,
+                   farthest);
 }
 
 } // namespace nusselt
