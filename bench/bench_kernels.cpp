@@ -394,7 +394,8 @@ void encode(State& state, const Kernels& k, Recording& r, Format format) {
     const Encoding encoding{Quantity::transfer, format, 5, {1, 1, 1, 1, 1}};
     Aligned<uint8_t> ours(lanes * most_encoded_bytes), theirs(lanes * most_encoded_bytes);
     const auto run = [&](Set set, size_t b, Aligned<uint8_t>& out) {
-        output_kernels_for(set)->encode(encoding, r.batches[b], r.locals[b].values, out.data());
+        output_kernels_for(set)->encode(encoding, r.batches[b], r.locals[b].values, out.data(),
+                                        encoded_bytes(encoding));
     };
     for (size_t b = 0; b < r.batches.size(); ++b) {
         run(set_of(k), b, ours);
@@ -403,7 +404,7 @@ void encode(State& state, const Kernels& k, Recording& r, Format format) {
     }
     const OutputKernels& kernels = *output_kernels_for(set_of(k));
     const auto once = [&](size_t b) {
-        kernels.encode(encoding, r.batches[b], r.locals[b].values, ours.data());
+        kernels.encode(encoding, r.batches[b], r.locals[b].values, ours.data(), encoded_bytes(encoding));
     };
     replay(state, k, {.inputs = r.batches.size(), .run = once, .items = of_batch});
 }

@@ -12,11 +12,12 @@ namespace nusselt::kernels {
 struct CellTables {
     const float* bit_direction[3]; // [bit]: unit, the middle of what the bit stands for; (0, 0, 1) if unused
     const float* block_direction[3]; // [block]: the same of its bits
-    const float* bit_weights; // [bit][column]: integral of the basis times cosine over pi over the cell,
-                              // over Tables::scale: the unit of Tables::blocks and nibbles
-    const float* share;       // [bit]: the cosine over pi, integrated over the cell; all together 1
-    const uint32_t* level;    // [bit]: of a SkyMap; sky_levels where the cell is unused
-    float sharpest;           // alpha of the sharpest GGX lobe that the cells can carry
+    const int16_t* bit_weights; // [block][pair of bits][column][bit of the pair]: integral of the basis times
+                                // cosine over pi over the cell; bit_unit is one Tables::scale
+    const float* share;         // [bit]: the cosine over pi, integrated over the cell; all together 1
+    const uint32_t* level;      // [bit]: of a SkyMap; sky_levels where the cell is unused
+    float sharpest;             // alpha of the sharpest GGX lobe that the cells can carry
+    float bit_unit;             // a power of two
 };
 constexpr float sharpest_alpha(uint32_t mask_bits) {
     // The lobe has half its greatest value 0.64 alpha from its axis as a half vector, twice that as light: it
@@ -24,12 +25,12 @@ constexpr float sharpest_alpha(uint32_t mask_bits) {
     return mask_bits == 1024 ? 2.0f / 32 : 2.0f / 64;
 }
 constexpr size_t cell_table_size(const MaskLayout& l) { // floats
-    return size_t(mask_bits(l)) * (5 + sh_columns) + size_t(mask_blocks(l)) * 3;
+    return size_t(mask_bits(l)) * (5 + sh_columns / 2) + size_t(mask_blocks(l)) * 3;
 }
 // `memory` holds cell_table_size floats, `samples` is scratch, one a bit; `scale` as in Tables.
 CellTables build_cell_tables(const MaskLayout& layout, const float* scale, SampleBit* samples, float* memory);
 
-enum class Lobe : uint32_t { phong, ggx };
+enum class Lobe : uint32_t { phong, ggx, none };
 
 // How one receiver reflects, seen from one direction. BRDFs as nusselt/gloss.h has them.
 struct Reflection {

@@ -48,6 +48,10 @@ GgxLobe ggx_lobe(const Reflection& r, const float d[3]) {
 
 // pi times the BRDF without the diffuse part that the view does not change, for each channel.
 void respond(const Reflection& r, const float d[3], float out[3]) {
+    if (r.lobe == Lobe::none) {
+        out[0] = out[1] = out[2] = 0;
+        return;
+    }
     if (r.lobe == Lobe::phong) {
         const float lobe = phong_lobe(r, d);
         for (uint32_t c = 0; c < 3; ++c)
@@ -97,23 +101,73 @@ int16_t open_part(const Tables& tables, uint32_t block, uint32_t blocked, uint32
     return int16_t(rest);
 }
 
-// Sums of even and of odd bits or blocks: two chains of additions.
-using GlossySums = float[3][2][sh_columns];
+int32_t level_of(float value, const LevelUnit& unit, int bits) {
+    // Above zero before the fraction goes. The greatest may round up beyond its bits.
+    const int32_t middle = 1 << bits;
+    return std::min(int32_t(value * unit.inverse + (float(middle) + 0.5f)) - middle, middle - 1);
+}
 
-void add_core(const CellTables& cells, uint32_t block, uint32_t blocked, const Reflection& r,
-              const ReflectionParts& parts, GlossySums& sums) {
-    for (uint32_t k = 0; k < 16; ++k) {
-        if (blocked >> k & 1) continue;
-        const uint32_t bit = block * 16 + k;
-        const float d[3] = {cells.bit_direction[0][bit], cells.bit_direction[1][bit],
-                            cells.bit_direction[2][bit]};
-        float fields[3];
-        fields_at(r, parts.kind, d, fields);
-        for (uint32_t f = 0; f < parts.fields; ++f) {
-            for (uint32_t i = 0; i < sh_columns; ++i)
-                sums[f][k % 2][i] += fields[f] * cells.bit_weights[size_t(bit) * sh_columns + i];
+uint32_t blocked_bits(const uint8_t* mask, uint32_t block) {
+    return uint32_t(mask[2 * block]) | uint32_t(mask[2 * block + 1]) << 8;
+}
+
+// A field over some blocks of the core, bit by bit.
+void add_core(const CellTables& cells, const uint8_t* mask, const Reflection& r, Parts kind, uint32_t field,
+              const uint32_t* blocks, uint32_t count, float sum[sh_columns]) {
+    float value[core_group][16], largest = 0;
+    for (uint32_t i = 0; i < count; ++i) {
+        for (uint32_t k = 0; k < 16; ++k) {
+            const uint32_t bit = blocks[i] * 16 + k;
+            const float d[3] = {cells.bit_direction[0][bit], cells.bit_direction[1][bit],
+                                cells.bit_direction[2][bit]};
+            float fields[3];
+            fields_at(r, kind, d, fields);
+            value[i][k] = blocked_bits(mask, blocks[i]) >> k & 1 ? 0.0f : fields[field];
+            largest = std::max(largest, std::fabs(value[i][k]));
         }
     }
+    const LevelUnit level = level_unit(largest, bit_levels);
+    for (uint32_t i = 0; i < count; ++i) {
+        int32_t bits[sh_columns] = {};
+        for (uint32_t k = 0; k < 16; ++k) {
+            const int16_t* weights = cells.bit_weights + (size_t(blocks[i]) * 8 + k / 2) * 2 * sh_columns;
+            for (uint32_t column = 0; column < sh_columns; ++column)
+                bits[column] += level_of(value[i][k], level, bit_levels) * weights[2 * column + k % 2];
+        }
+        for (uint32_t column = 0; column < sh_columns; ++column)
+            sum[column] += level.unit * cells.bit_unit * float(bits[column]);
+    }
+}
+
+// A field over the open part of the mask: sum[column], in Tables::scale.
+void integrate_field(const Tables& tables, const CellTables& cells, const uint8_t* mask, const Reflection& r,
+                     Parts kind, uint32_t field, float sum[sh_columns]) {
+    float value[mask_blocks(fine_layout)], largest = 0;
+    uint32_t group[core_group], count = 0;
+    for (uint32_t block = 0; block < mask_blocks(tables.layout); ++block) {
+        const float d[3] = {cells.block_direction[0][block], cells.block_direction[1][block],
+                            cells.block_direction[2][block]};
+        float fields[3];
+        fields_at(r, kind, d, fields);
+        const bool core = in_core(r, d);
+        value[block] = core ? 0.0f : fields[field];
+        largest = std::max(largest, std::fabs(value[block]));
+        if (core && blocked_bits(mask, block) != 0xFFFF) group[count++] = block;
+        if (count == core_group) {
+            add_core(cells, mask, r, kind, field, group, count, sum);
+            count = 0;
+        }
+    }
+    add_core(cells, mask, r, kind, field, group, count, sum);
+    const LevelUnit level = level_unit(largest, block_levels);
+    int32_t blocks[sh_columns] = {};
+    for (uint32_t block = 0; block < mask_blocks(tables.layout); ++block) {
+        for (uint32_t i = 0; i < sh_columns; ++i)
+            blocks[i] += level_of(value[block], level, block_levels) *
+                         open_part(tables, block, blocked_bits(mask, block), i);
+    }
+    for (uint32_t i = 0; i < sh_columns; ++i)
+        sum[i] += level.unit * float(blocks[i]);
 }
 
 void integrate_glossy(const Tables& tables, const CellTables& cells, const uint8_t* masks, uint32_t valid,
@@ -123,29 +177,15 @@ void integrate_glossy(const Tables& tables, const CellTables& cells, const uint8
         const Reflection& r = reflections[lane];
         const ReflectionParts parts = parts_of(r, channels);
         const bool present = valid >> lane & 1;
-        const uint8_t* mask = masks + size_t(lane) * mask_bytes(tables.layout);
-        GlossySums sums = {};
-        for (uint32_t block = 0; present && block < mask_blocks(tables.layout); ++block) {
-            const uint32_t blocked = uint32_t(mask[2 * block]) | uint32_t(mask[2 * block + 1]) << 8;
-            if (blocked == 0xFFFF) continue;
-            const float d[3] = {cells.block_direction[0][block], cells.block_direction[1][block],
-                                cells.block_direction[2][block]};
-            if (in_core(r, d)) {
-                add_core(cells, block, blocked, r, parts, sums);
-                continue;
-            }
-            float fields[3];
-            fields_at(r, parts.kind, d, fields);
-            for (uint32_t f = 0; f < parts.fields; ++f) {
-                for (uint32_t i = 0; i < sh_columns; ++i)
-                    sums[f][block % 2][i] += fields[f] * float(open_part(tables, block, blocked, i));
-            }
-        }
+        float sums[3][sh_columns] = {};
+        for (uint32_t f = 0; present && f < parts.fields; ++f)
+            integrate_field(tables, cells, masks + size_t(lane) * mask_bytes(tables.layout), r, parts.kind, f,
+                            sums[f]);
         for (uint32_t c = 0; c < channels; ++c) {
             for (uint32_t i = 0; i < 25; ++i) {
                 float glossy = 0;
                 for (uint32_t f = 0; f < parts.fields; ++f)
-                    glossy += parts.factor[f][c] * (sums[f][0][i] + sums[f][1][i]);
+                    glossy += parts.factor[f][c] * sums[f][i];
                 local[c][i][lane] =
                     present ? r.diffuse[c] * diffuse_local[i][lane] + glossy * tables.scale[i] : 0.0f;
             }

@@ -3,6 +3,7 @@
 #include "kernels/reflection_parts.h"
 #include "kernels/simd.h"
 
+#include <algorithm>
 #include <cstring>
 
 #define HWY_WANT_SSE4 1
@@ -36,6 +37,35 @@ HWY_INLINE V constant(float value) {
 }
 HWY_INLINE V load(const float* row, uint32_t lane) {
     return hn::Load(df, row + lane);
+}
+HWY_INLINE hn::Mask<Float> mask_of(uint32_t bits) {
+    const uint8_t bytes[8] = {uint8_t(bits), uint8_t(bits >> 8)};
+    return hn::LoadMaskBits(df, bytes);
+}
+HWY_INLINE uint64_t bits_of(hn::Mask<Float> mask) {
+    uint8_t bytes[8] = {};
+    hn::StoreMaskBits(df, mask, bytes);
+    return uint64_t(bytes[0]) | uint64_t(bytes[1]) << 8;
+}
+// As in light_reference.cpp.
+HWY_INLINE hn::Vec<Int> levels_of(V value, V inverse, int bits) {
+    const int32_t middle = 1 << bits;
+    const V above = hn::Add(hn::Mul(value, inverse), constant(float(middle) + 0.5f));
+    return hn::Min(hn::Sub(hn::ConvertTo(di, above), hn::Set(di, middle)), hn::Set(di, middle - 1));
+}
+
+// Of 64 blocks: those wholly blocked, and those wholly open.
+HWY_INLINE void classify(const uint8_t* mask, uint64_t& full, uint64_t& open) {
+    const hn::CappedTag<uint16_t, 32> d;
+    constexpr uint32_t step = hn::MaxLanes(hn::CappedTag<uint16_t, 32>());
+    uint8_t all[16] = {}, none[16] = {};
+    for (uint32_t i = 0; i < 64; i += step) {
+        const auto bits = hn::Load(d, reinterpret_cast<const uint16_t*>(mask) + i);
+        hn::StoreMaskBits(d, hn::Eq(bits, hn::Set(d, 0xFFFF)), all + i / 8);
+        hn::StoreMaskBits(d, hn::Eq(bits, hn::Zero(d)), none + i / 8);
+    }
+    std::memcpy(&full, all, 8);
+    std::memcpy(&open, none, 8);
 }
 
 void shade_batch(const float light[75], const float transfer[3][25][lanes], float rgb[3][lanes]) {
@@ -87,6 +117,10 @@ HWY_INLINE V with_fresnel(const GgxLobe& lobe, float specular) {
 }
 
 HWY_INLINE void respond(const Reflection& r, V x, V y, V z, V out[3]) {
+    if (r.lobe == Lobe::none) {
+        out[0] = out[1] = out[2] = hn::Zero(df);
+        return;
+    }
     if (r.lobe == Lobe::phong) {
         const V lobe = phong_lobe(r, x, y, z);
         for (uint32_t c = 0; c < 3; ++c)
@@ -119,80 +153,206 @@ HWY_INLINE void fields_at(const Reflection& r, Parts kind, V x, V y, V z, V out[
     }
 }
 
+constexpr uint32_t most_blocks = mask_blocks(fine_layout);
 constexpr uint32_t column_registers = sh_columns / width;
 
-HWY_INLINE V from_integers(const int16_t* row) {
-    const hn::Rebind<int16_t, Float> narrow;
-    return hn::ConvertTo(df, hn::PromoteTo(di, hn::Load(narrow, row)));
+using Short = hn::CappedTag<int16_t, sh_columns>;
+constexpr Short d16;
+constexpr uint32_t short_width = hn::MaxLanes(Short());
+using Shorts = hn::Vec<Short>;
+using Sum = hn::RepartitionToWide<Short>;
+constexpr Sum d32;
+using Sums = hn::Vec<Sum>;
+
+// sum + the sums of neighbours' products.
+HWY_INLINE Sums add_products(Sums sum, Shorts a, Shorts b) {
+#if HWY_ARCH_X86
+    Sums none = hn::Zero(d32);
+    return hn::ReorderWidenMulAccumulate(d32, a, b, sum, none);
+#else
+    const auto even = [](Shorts v)
+                          HWY_ATTR { return hn::ShiftRight<16>(hn::ShiftLeft<16>(hn::BitCast(d32, v))); };
+    const auto odd = [](Shorts v) HWY_ATTR { return hn::ShiftRight<16>(hn::BitCast(d32, v)); };
+    return hn::Add(sum, hn::Add(hn::Mul(even(a), even(b)), hn::Mul(odd(a), odd(b))));
+#endif
 }
 
-template<uint32_t fields>
-struct Sums {
-    V column[fields][column_registers];
+// Two factors, for neighbours in every pair.
+HWY_INLINE Shorts both(int16_t first, int16_t second) {
+    return hn::BitCast(d16,
+                       hn::Set(d32, int32_t(uint32_t(uint16_t(first)) | uint32_t(uint16_t(second)) << 16)));
+}
 
-    HWY_INLINE Sums() {
-        for (auto& field : column) {
-            for (V& v : field)
-                v = hn::Zero(df);
-        }
-    }
-    // += each field times the row.
-    HWY_INLINE void add(const float field[3][lanes], uint32_t at, const V row[column_registers]) {
-        for (uint32_t f = 0; f < fields; ++f) {
-            const V factor = constant(field[f][at]);
-            for (uint32_t i = 0; i < column_registers; ++i)
-                column[f][i] = hn::Add(column[f][i], hn::Mul(factor, row[i]));
-        }
-    }
+// The greatest lane of each field's magnitudes, as a unit.
+template<uint32_t fields>
+HWY_INLINE void find_levels(const V largest[fields], int bits, LevelUnit level[3]) {
+    for (uint32_t f = 0; f < fields; ++f)
+        level[f] = level_unit(hn::GetLane(hn::MaxOfLanes(df, largest[f])), bits);
+}
+
+// The fields at the blocks' middles, nothing in the core.
+struct BlockFields {
+    alignas(64) float value[3][most_blocks];
+    alignas(64) int16_t factor[3][most_blocks]; // the same in the level's unit
+    LevelUnit level[3];
+    uint64_t core[most_blocks / 64], any[most_blocks / 64]; // any: some factor is not zero
 };
 
-// The open part of a block, in the unit of the integer tables.
-HWY_INLINE void open_row(const Tables& tables, uint32_t block, uint32_t blocked, V row[column_registers]) {
-    const int16_t* full = tables.blocks + size_t(block) * sh_columns;
-    if (blocked == 0) {
-        for (uint32_t i = 0; i < column_registers; ++i)
-            row[i] = from_integers(full + i * width);
-        return;
+template<uint32_t fields>
+HWY_INLINE void find_fields(const CellTables& cells, uint32_t blocks, const Reflection& r, Parts kind,
+                            BlockFields& out) {
+    const V vx = constant(r.view[0]), vy = constant(r.view[1]), vz = constant(r.view[2]);
+    V largest[fields];
+    for (V& v : largest)
+        v = hn::Zero(df);
+    std::memset(out.core, 0, sizeof(out.core));
+    for (uint32_t first = 0; first < blocks; first += width) {
+        const V x = load(cells.block_direction[0], first), y = load(cells.block_direction[1], first),
+                z = load(cells.block_direction[2], first);
+        const auto core =
+            hn::Gt(hn::Sub(hn::Mul(vz, z), hn::Add(hn::Mul(vx, x), hn::Mul(vy, y))), constant(r.core));
+        V value[3];
+        fields_at(r, kind, x, y, z, value);
+        for (uint32_t f = 0; f < fields; ++f) {
+            value[f] = hn::IfThenZeroElse(core, value[f]);
+            largest[f] = hn::Max(largest[f], hn::Abs(value[f]));
+            hn::Store(value[f], df, out.value[f] + first);
+        }
+        out.core[first / 64] |= bits_of(core) << first % 64;
     }
-    const hn::CappedTag<int16_t, sh_columns> d;
-    constexpr uint32_t step = hn::MaxLanes(hn::CappedTag<int16_t, sh_columns>());
-    alignas(64) int16_t open[sh_columns];
-    const int16_t* rows = tables.nibbles + size_t(block) * 4 * 16 * sh_columns;
-    for (uint32_t i = 0; i < sh_columns; i += step) {
-        auto rest = hn::Load(d, full + i);
-        for (uint32_t k = 0; k < 4; ++k)
-            rest = hn::Sub(rest, hn::Load(d, rows + (k * 16 + (blocked >> (4 * k) & 15)) * sh_columns + i));
-        hn::Store(rest, d, open + i);
-    }
-    for (uint32_t i = 0; i < column_registers; ++i)
-        row[i] = from_integers(open + i * width);
+    find_levels<fields>(largest, block_levels, out.level);
 }
 
-// A block in the core of the lobe, bit by bit.
 template<uint32_t fields>
-HWY_INLINE void add_core(const CellTables& cells, uint32_t block, uint32_t blocked, const Reflection& r,
-                         Parts kind, Sums<fields>& even, Sums<fields>& odd) {
-    alignas(64) float field[3][lanes];
-    for (uint32_t k = 0; k < lanes; k += width) {
-        V out[3];
-        const uint32_t bit = block * 16 + k;
-        fields_at(r, kind, load(cells.bit_direction[0], bit), load(cells.bit_direction[1], bit),
-                  load(cells.bit_direction[2], bit), out);
-        for (uint32_t f = 0; f < fields; ++f)
-            hn::Store(out[f], df, field[f] + k);
-    }
-    const float* weights = cells.bit_weights + size_t(block) * 16 * sh_columns;
-    V row[column_registers];
-    for (uint32_t k = 0; k < 16; k += 2, weights += 2 * sh_columns) {
-        if (!(blocked >> k & 1)) {
-            for (uint32_t j = 0; j < column_registers; ++j)
-                row[j] = hn::Load(df, weights + j * width);
-            even.add(field, k, row);
+HWY_INLINE void find_factors(uint32_t blocks, BlockFields& at) {
+    const hn::Rebind<int16_t, Float> narrow;
+    std::memset(at.any, 0, sizeof(at.any));
+    for (uint32_t first = 0; first < blocks; first += width) {
+        auto all = hn::Zero(di);
+        for (uint32_t f = 0; f < fields; ++f) {
+            const auto factor =
+                levels_of(load(at.value[f], first), constant(at.level[f].inverse), block_levels);
+            all = hn::Or(all, factor);
+            hn::Store(hn::DemoteTo(narrow, factor), narrow, at.factor[f] + first);
         }
-        if (!(blocked >> k & 2)) {
-            for (uint32_t j = 0; j < column_registers; ++j)
-                row[j] = hn::Load(df, weights + sh_columns + j * width);
-            odd.add(field, k + 1, row);
+        at.any[first / 64] |= bits_of(hn::RebindMask(df, hn::Ne(all, hn::Zero(di)))) << first % 64;
+    }
+}
+
+// Calls add(block, other) for pairs of those in the set; the last one's other may be itself.
+template<class Add>
+HWY_INLINE void each_pair(const uint64_t* set, uint32_t blocks, const Add& add) {
+    for (uint32_t first = 0; first < blocks; first += 64) {
+        for (uint64_t rest = set[first / 64]; rest;) {
+            const uint32_t block = first + uint32_t(__builtin_ctzll(rest));
+            rest &= rest - 1;
+            const uint32_t other = rest ? first + uint32_t(__builtin_ctzll(rest)) : block;
+            rest &= rest - 1;
+            add(block, other);
+        }
+    }
+}
+
+// What fields have by blocks, wholly open ones and others: sums[field][column].
+template<uint32_t fields>
+HWY_INLINE void add_blocks(const Tables& tables, const uint8_t* mask, const BlockFields& at,
+                           const uint64_t* open, const uint64_t* partial, int32_t sums[3][sh_columns]) {
+    const uint32_t blocks = mask_blocks(tables.layout);
+    for (uint32_t column = 0; column < sh_columns; column += short_width) {
+        Sums lower[fields], upper[fields];
+        for (uint32_t f = 0; f < fields; ++f)
+            lower[f] = upper[f] = hn::Zero(d32);
+        const auto add = [&](uint32_t block, Shorts a, uint32_t other, Shorts b) HWY_ATTR {
+            const Shorts low = hn::InterleaveLower(d16, a, b), high = hn::InterleaveUpper(d16, a, b);
+            for (uint32_t f = 0; f < fields; ++f) {
+                const int16_t second = other != block ? at.factor[f][other] : int16_t(0);
+                const Shorts factors = both(at.factor[f][block], second);
+                lower[f] = add_products(lower[f], low, factors);
+                upper[f] = add_products(upper[f], high, factors);
+            }
+        };
+        const auto whole = [&](uint32_t block) HWY_ATTR {
+            return hn::Load(d16, tables.blocks + size_t(block) * sh_columns + column);
+        };
+        const auto part = [&](uint32_t block) HWY_ATTR {
+            uint16_t blocked;
+            std::memcpy(&blocked, mask + size_t(2) * block, 2);
+            const int16_t* rows = tables.nibbles + size_t(block) * 4 * 16 * sh_columns + column;
+            Shorts rest = whole(block);
+            for (uint32_t k = 0; k < 4; ++k)
+                rest = hn::Sub(rest, hn::Load(d16, rows + (k * 16 + (blocked >> (4 * k) & 15)) * sh_columns));
+            return rest;
+        };
+        each_pair(open, blocks, [&](uint32_t block, uint32_t other) HWY_ATTR {
+            add(block, whole(block), other, whole(other));
+        });
+        each_pair(partial, blocks, [&](uint32_t block, uint32_t other) HWY_ATTR {
+            add(block, part(block), other, part(other));
+        });
+        // Interleaving works within 128 bits: back to the order of the columns, four at a time.
+        const hn::Full128<int32_t> four;
+        for (uint32_t f = 0; f < fields; ++f) {
+            alignas(64) int32_t low[short_width / 2], high[short_width / 2];
+            hn::Store(lower[f], d32, low);
+            hn::Store(upper[f], d32, high);
+            for (uint32_t i = 0; i < short_width / 8; ++i) {
+                hn::Store(hn::Load(four, low + 4 * i), four, sums[f] + column + 8 * i);
+                hn::Store(hn::Load(four, high + 4 * i), four, sums[f] + column + 8 * i + 4);
+            }
+        }
+    }
+}
+
+constexpr uint32_t sum_registers = 2 * sh_columns / short_width;
+constexpr hn::RebindToFloat<Sum> as_float;
+using FieldSums = hn::Vec<hn::RebindToFloat<Sum>>[sum_registers];
+
+// Some blocks of the core, bit by bit.
+template<uint32_t fields>
+HWY_INLINE void add_core(const CellTables& cells, const uint8_t* mask, const Reflection& r, Parts kind,
+                         const uint16_t* blocks, uint32_t count, FieldSums sums[fields]) {
+    alignas(64) float value[fields][core_group][lanes];
+    V largest[fields];
+    for (V& v : largest)
+        v = hn::Zero(df);
+    for (uint32_t i = 0; i < count; ++i) {
+        uint16_t blocked;
+        std::memcpy(&blocked, mask + size_t(2) * blocks[i], 2);
+        for (uint32_t k = 0; k < lanes; k += width) {
+            const uint32_t bit = blocks[i] * 16u + k;
+            V own[3];
+            fields_at(r, kind, load(cells.bit_direction[0], bit), load(cells.bit_direction[1], bit),
+                      load(cells.bit_direction[2], bit), own);
+            for (uint32_t f = 0; f < fields; ++f) {
+                const V open = hn::IfThenZeroElse(mask_of(uint32_t(blocked) >> k), own[f]);
+                largest[f] = hn::Max(largest[f], hn::Abs(open));
+                hn::Store(open, df, value[f][i] + k);
+            }
+        }
+    }
+    LevelUnit level[3];
+    find_levels<fields>(largest, bit_levels, level);
+    const hn::Rebind<int16_t, Float> narrow;
+    for (uint32_t i = 0; i < count; ++i) {
+        const int16_t* weights = cells.bit_weights + size_t(blocks[i]) * 16 * sh_columns;
+        for (uint32_t f = 0; f < fields; ++f) {
+            alignas(64) int32_t pairs[lanes / 2];
+            for (uint32_t k = 0; k < lanes; k += width) {
+                const auto levels = levels_of(load(value[f][i], k), constant(level[f].inverse), bit_levels);
+                hn::Store(hn::DemoteTo(narrow, levels), narrow, reinterpret_cast<int16_t*>(pairs) + k);
+            }
+            Sums sum[sum_registers];
+            for (Sums& v : sum)
+                v = hn::Zero(d32);
+            for (uint32_t k = 0; k < lanes / 2; ++k) {
+                const Shorts factors = hn::BitCast(d16, hn::Set(d32, pairs[k]));
+                for (uint32_t j = 0; j < sum_registers; ++j)
+                    sum[j] = add_products(
+                        sum[j], hn::Load(d16, weights + 2 * k * sh_columns + j * short_width), factors);
+            }
+            const auto unit = hn::Set(as_float, level[f].unit * cells.bit_unit);
+            for (uint32_t j = 0; j < sum_registers; ++j)
+                sums[f][j] = hn::Add(sums[f][j], hn::Mul(unit, hn::ConvertTo(as_float, sum[j])));
         }
     }
 }
@@ -200,46 +360,38 @@ HWY_INLINE void add_core(const CellTables& cells, uint32_t block, uint32_t block
 template<uint32_t fields>
 void integrate_lane(const Tables& tables, const CellTables& cells, const uint8_t* mask, const Reflection& r,
                     Parts kind, float sum[3][sh_columns]) {
-    constexpr uint32_t group = lanes; // blocks whose BRDF is found together
-    alignas(64) float field[3][group], along[group];
-    const V vx = constant(r.view[0]), vy = constant(r.view[1]), vz = constant(r.view[2]);
-    Sums<fields> even, odd; // bits or blocks: two chains of additions
-    for (uint32_t first = 0; first < mask_blocks(tables.layout); first += group) {
-        for (uint32_t i = 0; i < group; i += width) {
-            const V x = load(cells.block_direction[0], first + i),
-                    y = load(cells.block_direction[1], first + i),
-                    z = load(cells.block_direction[2], first + i);
-            V out[3];
-            fields_at(r, kind, x, y, z, out);
-            for (uint32_t f = 0; f < fields; ++f)
-                hn::Store(out[f], df, field[f] + i);
-            hn::Store(hn::Sub(hn::Mul(vz, z), hn::Add(hn::Mul(vx, x), hn::Mul(vy, y))), df, along + i);
-        }
-        for (uint32_t i = 0; i < group; i += 2) {
-            uint16_t blocked[2];
-            std::memcpy(blocked, mask + size_t(2) * (first + i), 4);
-            V row[column_registers];
-            if (blocked[0] != 0xFFFF) {
-                if (along[i] > r.core) {
-                    add_core(cells, first + i, blocked[0], r, kind, even, odd);
-                } else {
-                    open_row(tables, first + i, blocked[0], row);
-                    even.add(field, i, row);
-                }
-            }
-            if (blocked[1] != 0xFFFF) {
-                if (along[i + 1] > r.core) {
-                    add_core(cells, first + i + 1, blocked[1], r, kind, even, odd);
-                } else {
-                    open_row(tables, first + i + 1, blocked[1], row);
-                    odd.add(field, i + 1, row);
-                }
-            }
-        }
+    const uint32_t blocks = mask_blocks(tables.layout);
+    BlockFields at;
+    find_fields<fields>(cells, blocks, r, kind, at);
+    uint64_t full[most_blocks / 64], open[most_blocks / 64], partial[most_blocks / 64];
+    uint16_t in_core[most_blocks];
+    uint32_t core_count = 0;
+    for (uint32_t i = 0; i < blocks / 64; ++i) {
+        classify(mask + 128 * i, full[i], open[i]);
+        for (uint64_t rest = at.core[i] & ~full[i]; rest; rest &= rest - 1)
+            in_core[core_count++] = uint16_t(64 * i + uint32_t(__builtin_ctzll(rest)));
     }
+    FieldSums sums[fields];
+    for (auto& field : sums) {
+        for (auto& v : field)
+            v = hn::Zero(as_float);
+    }
+    for (uint32_t i = 0; i < core_count; i += core_group)
+        add_core<fields>(cells, mask, r, kind, in_core + i, std::min(core_count - i, core_group), sums);
+    find_factors<fields>(blocks, at);
+    for (uint32_t i = 0; i < blocks / 64; ++i) {
+        partial[i] = at.any[i] & ~(open[i] | full[i]);
+        open[i] &= at.any[i];
+    }
+    alignas(64) int32_t by_blocks[3][sh_columns];
+    add_blocks<fields>(tables, mask, at, open, partial, by_blocks);
     for (uint32_t f = 0; f < fields; ++f) {
-        for (uint32_t i = 0; i < column_registers; ++i)
-            hn::Store(hn::Add(even.column[f][i], odd.column[f][i]), df, sum[f] + i * width);
+        const auto unit = hn::Set(as_float, at.level[f].unit);
+        for (uint32_t j = 0; j < sum_registers; ++j) {
+            const uint32_t column = j * (short_width / 2);
+            const auto rest = hn::ConvertTo(as_float, hn::Load(d32, by_blocks[f] + column));
+            hn::Store(hn::Add(sums[f][j], hn::Mul(unit, rest)), as_float, sum[f] + column);
+        }
     }
 }
 
@@ -248,24 +400,37 @@ void integrate_glossy(const Tables& tables, const CellTables& cells, const uint8
                       const float diffuse_local[25][lanes], float local[][25][lanes]) {
     constexpr decltype(&integrate_lane<1>) by_fields[] = {integrate_lane<1>, integrate_lane<2>,
                                                           integrate_lane<3>};
+    alignas(64) float sums[3][25][lanes] = {}; // of fields
+    alignas(64) float factors[3][3][lanes] = {}, diffuse[3][lanes];
+    uint32_t most_fields = 0;
     for (uint32_t lane = 0; lane < lanes; ++lane) {
         const Reflection& r = reflections[lane];
         const ReflectionParts parts = parts_of(r, channels);
+        for (uint32_t c = 0; c < 3; ++c)
+            diffuse[c][lane] = r.diffuse[c];
+        if (!(valid >> lane & 1) || parts.fields == 0) continue;
         alignas(64) float sum[3][sh_columns];
-        const bool present = valid >> lane & 1;
-        if (present)
-            by_fields[parts.fields - 1](tables, cells, masks + size_t(lane) * mask_bytes(tables.layout), r,
-                                        parts.kind, sum);
-        for (uint32_t c = 0; c < channels; ++c) {
-            alignas(64) float glossy[sh_columns];
-            for (uint32_t i = 0; i < sh_columns && present; i += width) {
-                V all = hn::Zero(df);
-                for (uint32_t f = 0; f < parts.fields; ++f)
-                    all = hn::Add(all, hn::Mul(constant(parts.factor[f][c]), load(sum[f], i)));
-                hn::Store(hn::Mul(all, load(tables.scale, i)), df, glossy + i);
-            }
+        by_fields[parts.fields - 1](tables, cells, masks + size_t(lane) * mask_bytes(tables.layout), r,
+                                    parts.kind, sum);
+        most_fields = std::max(most_fields, parts.fields);
+        for (uint32_t f = 0; f < parts.fields; ++f) {
+            for (uint32_t c = 0; c < 3; ++c)
+                factors[f][c][lane] = parts.factor[f][c];
             for (uint32_t i = 0; i < 25; ++i)
-                local[c][i][lane] = present ? r.diffuse[c] * diffuse_local[i][lane] + glossy[i] : 0.0f;
+                sums[f][i][lane] = sum[f][i];
+        }
+    }
+    for (uint32_t lane = 0; lane < lanes; lane += width) {
+        const auto present = mask_of(valid >> lane);
+        for (uint32_t c = 0; c < channels; ++c) {
+            for (uint32_t i = 0; i < 25; ++i) {
+                V glossy = hn::Zero(df);
+                for (uint32_t f = 0; f < most_fields; ++f)
+                    glossy = hn::Add(glossy, hn::Mul(load(factors[f][c], lane), load(sums[f][i], lane)));
+                const V all = hn::Add(hn::Mul(load(diffuse[c], lane), load(diffuse_local[i], lane)),
+                                      hn::Mul(glossy, constant(tables.scale[i])));
+                hn::Store(hn::IfThenElseZero(present, all), df, local[c][i] + lane);
+            }
         }
     }
 }

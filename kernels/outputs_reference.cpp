@@ -109,10 +109,10 @@ void encode_bent_normal(const Encoding& e, const float normal[3], const float tr
     }
 }
 
-void encode(const Encoding& encoding, const Batch& batch, const float transfer[25][lanes], uint8_t* out) {
-    const uint32_t size = encoded_bytes(encoding);
-    for (uint32_t lane = 0; lane < lanes; ++lane, out += size) {
-        std::memset(out, 0, size);
+void encode(const Encoding& encoding, const Batch& batch, const float transfer[25][lanes], uint8_t* out,
+            uint32_t stride) {
+    for (uint32_t lane = 0; lane < lanes; ++lane, out += stride) {
+        std::memset(out, 0, encoded_bytes(encoding));
         if (!(batch.valid >> lane & 1)) continue;
         float own[25];
         for (uint32_t i = 0; i < (encoding.quantity >= Quantity::radiance ? 3u : 25u); ++i)

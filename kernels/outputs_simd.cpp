@@ -72,7 +72,7 @@ HWY_INLINE V float_from_half(U half) {
 // Elements of the chunk's lanes, a component at a time.
 struct Elements {
     uint8_t* out; // of the chunk's first lane
-    uint32_t size;
+    uint32_t stride;
 
     template<class Part>
     HWY_INLINE void put(U words) {
@@ -80,9 +80,28 @@ struct Elements {
         hn::Store(words, du, values);
         for (uint32_t lane = 0; lane < width; ++lane) {
             const Part part = static_cast<Part>(values[lane]);
-            std::memcpy(out + size_t(lane) * size, &part, sizeof(Part));
+            std::memcpy(out + size_t(lane) * stride, &part, sizeof(Part));
         }
         out += sizeof(Part);
+    }
+    // Four floats of each lane: a transpose of 4x4 in every 128 bits.
+    HWY_INLINE void put_four(const V* value) {
+        const hn::RepartitionToWide<Word> d64;
+        const hn::Full128<uint32_t> one;
+        const auto pairs = [&](V low, V high, bool upper) HWY_ATTR {
+            const V both = upper ? hn::InterleaveUpper(df, low, high) : hn::InterleaveLower(df, low, high);
+            return hn::BitCast(d64, both);
+        };
+        alignas(64) uint32_t rows[4][width]; // [lane of the four][128 bits]
+        for (const uint32_t half : {0u, 2u}) {
+            const auto low = pairs(value[0], value[1], half > 0), high = pairs(value[2], value[3], half > 0);
+            hn::Store(hn::BitCast(du, hn::InterleaveLower(d64, low, high)), du, rows[half]);
+            hn::Store(hn::BitCast(du, hn::InterleaveUpper(d64, low, high)), du, rows[half + 1]);
+        }
+        for (uint32_t lane = 0; lane < width; ++lane)
+            hn::StoreU(hn::Load(one, rows[lane % 4] + lane / 4 * 4), one,
+                       reinterpret_cast<uint32_t*>(out + size_t(lane) * stride));
+        out += 16;
     }
     HWY_INLINE void put_component(Format format, V value) {
         if (format == Format::float32) {
@@ -131,11 +150,11 @@ HWY_INLINE void pack_transfer(uint32_t bands, V* values, Elements elements) {
     }
 }
 
-void encode(const Encoding& encoding, const Batch& batch, const float transfer[25][lanes], uint8_t* out) {
-    const uint32_t size = encoded_bytes(encoding);
+void encode(const Encoding& encoding, const Batch& batch, const float transfer[25][lanes], uint8_t* out,
+            uint32_t stride) {
     const V zero = hn::Zero(df);
     for (uint32_t lane = 0; lane < lanes; lane += width) {
-        Elements elements{out + size_t(lane) * size, size};
+        Elements elements{out + size_t(lane) * stride, stride};
         const uint8_t bits[8] = {uint8_t(batch.valid >> lane), uint8_t(batch.valid >> lane >> 8)};
         const auto valid = hn::LoadMaskBits(df, bits);
         if (encoding.quantity == Quantity::transfer || encoding.quantity == Quantity::glossy) {
@@ -149,8 +168,12 @@ void encode(const Encoding& encoding, const Batch& batch, const float transfer[2
                 pack_transfer(encoding.bands, values, elements);
                 continue;
             }
-            for (uint32_t i = 0; i < encoding.bands * encoding.bands; ++i)
-                elements.put_component(encoding.format, values[i]);
+            const uint32_t terms = encoding.bands * encoding.bands;
+            uint32_t done = 0;
+            for (; encoding.format == Format::float32 && done + 4 <= terms; done += 4)
+                elements.put_four(values + done);
+            for (; done < terms; ++done)
+                elements.put_component(encoding.format, values[done]);
         } else if (encoding.quantity == Quantity::ambient_occlusion) {
             const V seen = hn::IfThenElseZero(
                 valid, clamped(hn::Mul(load(transfer[0], lane), constant(over_open_first)), 0, 1));

@@ -271,7 +271,7 @@ CellTables build_cell_tables(const MaskLayout& layout, const float* scale, Sampl
         next += count;
         return part;
     };
-    float* const bit_weights = take(size_t(bits) * sh_columns);
+    auto* const bit_weights = reinterpret_cast<int16_t*>(take(size_t(bits) * sh_columns / 2));
     float* const share = take(bits);
     auto* const level = reinterpret_cast<uint32_t*>(take(bits));
     float* const direction[3] = {take(bits), take(bits), take(bits)};
@@ -279,6 +279,14 @@ CellTables build_cell_tables(const MaskLayout& layout, const float* scale, Sampl
     for (uint32_t bit = 0; bit < bits; ++bit)
         samples[bit].used = sample_direction(layout, bit, samples[bit].direction);
     cell_weights(layout, samples);
+    double largest = 0;
+    for (uint32_t bit = 0; bit < bits; ++bit) {
+        for (uint32_t i = 0; i < 25; ++i)
+            largest = std::max(largest, std::fabs(samples[bit].weights[i]) / double(scale[i]));
+    }
+    double units = 1; // of 16 bits
+    while (2 * units * largest < 32767)
+        units *= 2;
     // Of what a bit or a block stands for, the middle: the first band is the mean direction, times a
     // constant. A sample that lies aside would be a worse place to know a BRDF or a light.
     const auto middle_of = [](const double sum[3], uint32_t k) {
@@ -296,8 +304,11 @@ CellTables build_cell_tables(const MaskLayout& layout, const float* scale, Sampl
             }
             share[bit] = float(w[0] / double(open_first));
             level[bit] = samples[bit].used ? sky_level(double(direction[2][bit])) : sky_levels;
-            for (uint32_t i = 0; i < sh_columns; ++i)
-                bit_weights[size_t(bit) * sh_columns + i] = i < 25 ? float(w[i] / double(scale[i])) : 0.0f;
+            for (uint32_t i = 0; i < sh_columns; ++i) {
+                const double value = i < 25 ? w[i] / double(scale[i]) * units : 0.0;
+                bit_weights[(size_t(bit / 2) * sh_columns + i) * 2 + bit % 2] =
+                    int16_t(std::floor(value + 0.5));
+            }
         }
         for (uint32_t k = 0; k < 3; ++k)
             block_direction[k][block] = middle_of(mean, k);
@@ -307,7 +318,8 @@ CellTables build_cell_tables(const MaskLayout& layout, const float* scale, Sampl
             bit_weights,
             share,
             level,
-            sharpest_alpha(bits)};
+            sharpest_alpha(bits),
+            float(1 / units)};
 }
 
 float horizon_tangent(const MaskLayout& layout) {

@@ -108,15 +108,17 @@ void store_batch(const Frame& frame, const MeshSlice& slice, const uint32_t* rec
     worker.tally.receivers_copied += written - count;
 }
 
-// Encodes rows [term][lane] into the stream, `offset` bytes into each element.
-void store_rows(const Frame& frame, const OutputStream& stream, size_t offset, const float rows[][lanes],
+// Encodes `parts` times 25 rows [term][lane] into the stream, one after the other in each element.
+void store_rows(const Frame& frame, const OutputStream& stream, const float rows[][25][lanes], uint32_t parts,
                 const MeshSlice& slice, const uint32_t* receivers, uint32_t count, const Batch& batch,
                 Worker& worker) {
-    const uint32_t size = encoded_bytes(stream.encoding);
-    frame.output_kernels->encode(stream.encoding, batch, rows, worker.encoded);
+    const uint32_t part_size = encoded_bytes(stream.encoding), size = parts * part_size;
+    for (uint32_t part = 0; part < parts; ++part)
+        frame.output_kernels->encode(stream.encoding, batch, rows[part], worker.encoded + part * part_size,
+                                     size);
     for (uint32_t lane = 0; lane < count; ++lane) {
         each_vertex(slice, receivers[lane], [&](uint32_t vertex) {
-            std::memcpy(stream.data + vertex * stream.stride + offset, worker.encoded + lane * size, size);
+            std::memcpy(stream.data + vertex * stream.stride, worker.encoded + lane * size, size);
         });
     }
 }
@@ -163,8 +165,8 @@ bool repeats(const FrameMesh& mesh, uint32_t duplicate, uint32_t original) {
 
 void store_outputs(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
                    const Batch& batch, Worker& worker) {
-    bool made = false; // worker.glossy
-    alignas(64) float rgb[3][lanes];
+    bool made = false;                // worker.glossy
+    alignas(64) float rgb[25][lanes]; // three rows are used
     for (uint32_t k = 0; k < slice.in.output_count; ++k) {
         const OutputStream& stream = frame.outputs[slice.first_output + k];
         const Quantity quantity = stream.encoding.quantity;
@@ -172,24 +174,23 @@ void store_outputs(const Frame& frame, const MeshSlice& slice, const uint32_t* r
             make_glossy(frame, slice, receivers, count, batch, worker);
             made = true;
         }
-        const auto store = [&](size_t offset, const float rows[][lanes]) {
-            store_rows(frame, stream, offset, rows, slice, receivers, count, batch, worker);
+        const auto store = [&](const float rows[][25][lanes], uint32_t parts) {
+            store_rows(frame, stream, rows, parts, slice, receivers, count, batch, worker);
         };
         switch (quantity) {
         case Quantity::glossy:
-            for (uint32_t c = 0; c < 3; ++c)
-                store(size_t(c) * encoded_bytes(stream.encoding), worker.glossy[c]);
+            store(worker.glossy, 3);
             break;
         case Quantity::radiance:
             frame.light_kernels->shade_batch(frame.light, worker.glossy, rgb);
-            store(0, rgb);
+            store(&rgb, 1);
             break;
         case Quantity::direct:
             make_direct(frame, slice, receivers, count, batch, worker, rgb);
-            store(0, rgb);
+            store(&rgb, 1);
             break;
         default:
-            store(0, worker.turned);
+            store(&worker.turned, 1);
         }
     }
 }

@@ -167,7 +167,7 @@ struct Worker {
     alignas(64) float local[25][kernels::lanes] = {};
     alignas(64) float turned[25][kernels::lanes] = {};
     alignas(64) float glossy[3][25][kernels::lanes] = {}; // by channel, where an output asks for it
-    alignas(64) uint8_t encoded[kernels::lanes * kernels::most_encoded_bytes] = {};
+    alignas(64) uint8_t encoded[3 * kernels::lanes * kernels::most_encoded_bytes] = {};
     Tally tally;
 };
 

@@ -16,7 +16,8 @@ using namespace kernels;
 
 constexpr double pi = 3.14159265358979323846;
 constexpr uint32_t most_exponent = 10000;
-constexpr float least_height = 0.01f; // of a view above the tangent plane: half a degree
+constexpr float least_height = 0.01f;  // of a view above the tangent plane: half a degree
+constexpr float unseen_height = -0.5f; // below this a receiver counts as hidden by its own surface
 
 struct Double {
     double operator()(double value) const { return value; }
@@ -38,8 +39,8 @@ const Material& material_at(const Gloss& gloss, uint32_t vertex) {
     return gloss.materials[std::min(number, gloss.material_count - 1)];
 }
 
-// Towards the viewer in the lane's tangent frame.
-void local_view(const Frame& frame, const Gloss& gloss, const Batch& batch, uint32_t lane, float out[3]) {
+// Towards the viewer in the lane's tangent frame. Returns whether the receiver may be seen.
+bool local_view(const Frame& frame, const Gloss& gloss, const Batch& batch, uint32_t lane, float out[3]) {
     float to[3], largest = 0;
     for (uint32_t k = 0; k < 3; ++k) {
         to[k] = gloss.distant ? gloss.eye[k]
@@ -48,7 +49,7 @@ void local_view(const Frame& frame, const Gloss& gloss, const Batch& batch, uint
     }
     out[0] = out[1] = 0;
     out[2] = 1;
-    if (!(largest > 0 && largest <= FLT_MAX)) return;
+    if (!(largest > 0 && largest <= FLT_MAX)) return true;
     // Scaled first: squares could leave the range of float.
     for (float& t : to)
         t /= largest;
@@ -63,6 +64,7 @@ void local_view(const Frame& frame, const Gloss& gloss, const Batch& batch, uint
     out[0] = flat > 0 ? local[0] / flat * across : across;
     out[1] = flat > 0 ? local[1] / flat * across : 0.0f;
     out[2] = std::min(height, 1.0f);
+    return local[2] >= unseen_height * length;
 }
 
 Reflection reflection_of(const Material& m, float sharpest) {
@@ -73,10 +75,10 @@ Reflection reflection_of(const Material& m, float sharpest) {
     r.exponent = std::min(m.exponent, static_cast<uint32_t>(most));
     std::copy(m.diffuse, m.diffuse + 3, r.diffuse);
     std::copy(m.specular, m.specular + 3, r.specular);
-    // The BRDF's core, by bits: as far as it varies much within a block (26 degrees, or 21 of a wide lobe;
-    // runtime/doc/adr).
+    // The BRDF's core, by bits: as far as it varies much within a block. 26 degrees; 21 of a wide lobe, 18 of
+    // a very wide one (runtime/doc/adr/0007).
     const float width = m.brdf == Brdf::phong ? alpha_of(float(r.exponent)) : r.alpha;
-    r.core = width < 0.2f ? 0.90f : 0.93f;
+    r.core = width > 0.5f ? 0.95f : width > 0.2f ? 0.93f : 0.90f;
     return r;
 }
 
@@ -84,10 +86,15 @@ Reflection reflection_of(const Material& m, float sharpest) {
 bool reflect(const Frame& frame, const Gloss& gloss, const uint32_t* receivers, uint32_t count,
              const Batch& batch, Reflection reflections[lanes]) {
     bool all_grey = true;
+    const Material* before = nullptr;
+    Reflection reflection{};
     for (uint32_t lane = 0; lane < lanes; ++lane) {
         const Material& material = material_at(gloss, receivers[lane < count ? lane : 0]);
-        reflections[lane] = reflection_of(material, frame.cells->sharpest);
-        local_view(frame, gloss, batch, lane, reflections[lane].view);
+        if (&material != before) reflection = reflection_of(material, frame.cells->sharpest);
+        before = &material;
+        reflections[lane] = reflection;
+        if (!local_view(frame, gloss, batch, lane, reflections[lane].view))
+            reflections[lane].lobe = Lobe::none;
         all_grey = all_grey && grey(material);
     }
     return all_grey;

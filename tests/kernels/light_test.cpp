@@ -22,7 +22,7 @@ struct GlossyTables {
 
 Reflection random_reflection(Random& random, const CellTables& cells) {
     Reflection r{};
-    r.lobe = random.one_in(2) ? Lobe::phong : Lobe::ggx;
+    r.lobe = random.one_in(8) ? Lobe::none : random.one_in(2) ? Lobe::phong : Lobe::ggx;
     r.exponent = random.one_in(4) ? 0 : random.below(600);
     r.alpha = random.one_in(3) ? cells.sharpest : random.between(cells.sharpest, 1);
     r.core = random.one_in(4) ? 1.0f : random.between(0.7f, 0.95f);

@@ -87,7 +87,7 @@ constexpr size_t most_bytes = size_t(lanes) * most_encoded_bytes;
 
 std::vector<uint8_t> encoded(const OutputKernels& k, const Encoding& e, const EncodeInput& in) {
     std::vector<uint8_t> out(most_bytes + 1, 0xA5);
-    k.encode(e, in.input.batch, in.transfer, out.data());
+    k.encode(e, in.input.batch, in.transfer, out.data(), encoded_bytes(e));
     return out;
 }
 

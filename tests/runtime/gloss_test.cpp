@@ -257,6 +257,24 @@ TEST(Gloss, ViewsThatAreNone) {
     }
 }
 
+// Further than 30 degrees below the horizon nobody sees the lobe; nearer it may show at a silhouette.
+TEST(Gloss, ReceiversThatFaceAwayKeepTheirDiffusePart) {
+    Engine engine;
+    const glm::vec3 place(0.3f, 0.2f, 1);
+    const scenes::Mesh mesh = points({place}, {{0, 0, 1}});
+    const Posed posed = at_rest(add(engine.context, mesh), mesh);
+    const Material shiny = phong(5, 0.5f, 0.5f), matte = phong(5, 0.5f, 0);
+    const auto from_below = [&](float degrees, const Material& material) {
+        const float angle = degrees * float(pi) / 180;
+        const Gloss gloss =
+            seen_from(place + 4.0f * glm::vec3(std::cos(angle), 0, -std::sin(angle)), material);
+        return run(engine.context, {posed}, &gloss).glossy[0];
+    };
+    EXPECT_EQ(from_below(32, shiny), from_below(32, matte));
+    EXPECT_GT(from_below(28, shiny)[0], from_below(28, matte)[0] + 0.01f);
+    EXPECT_NEAR(from_below(28, shiny)[0], from_below(1, shiny)[0], 1e-5f) << "as grazing";
+}
+
 TEST(Gloss, RefusedAndClamped) {
     Engine engine;
     const scenes::Mesh mesh = points({{0, 0, 0}}, {{0, 0, 1}});

@@ -48,7 +48,8 @@ float lobe_beyond_bands(const Material& material, uint32_t bands = 5);
 struct Gloss {
     // The viewer's position, in the frame's space; or, where `distant`, the direction to it (any length).
     // A receiver at the viewer's position is seen along its normal. Views from below the tangent plane count
-    // as grazing: such receivers only matter at silhouettes.
+    // as grazing, as such receivers only matter at silhouettes; from more than 30 degrees below, the receiver
+    // counts as not seen and has its diffuse part alone.
     float eye[3] = {};
     uint32_t distant = 0;
     const Material* materials = nullptr;
