@@ -117,10 +117,10 @@ TEST(Compare, QuickOnASmallModel) {
     const std::string model = folder.model();
     const fs::path readme = folder.path / "README.md", out = folder.path / "out";
     std::ofstream(readme) << "before\n<!-- compare:begin -->\n<!-- compare:end -->\nafter\n";
-    ASSERT_EQ(
-        run("compare " + model + " --quick --naive --out " + out.string() + " --readme " + readme.string(),
-            folder.path / "log"),
-        0)
+    ASSERT_EQ(run("compare " + model + " --quick --naive --study direct glossy --out " + out.string() +
+                      " --readme " + readme.string(),
+                  folder.path / "log"),
+              0)
         << read(folder.path / "log");
 
     const json report = json::parse(read(out / "report.json"));
@@ -150,6 +150,17 @@ TEST(Compare, QuickOnASmallModel) {
         hashes[point["entry"]].insert(point["hash"].get<std::string>());
     for (const auto& [entry, different] : hashes)
         EXPECT_EQ(different.size(), 1u) << entry;
+
+    ASSERT_EQ(report["studies"].size(), 2u);
+    std::map<std::string, double> under_a_sun;
+    for (const json& row : report["studies"][0]["rows"])
+        if (row[0] == "a sun of 1 degree alone") under_a_sun[row[1]] = std::stod(row[3].get<std::string>());
+    EXPECT_EQ(under_a_sun.size(), 3u);
+    EXPECT_GT(under_a_sun.at("direct"), 0);
+    EXPECT_LT(under_a_sun.at("direct"), 50);
+    EXPECT_EQ(report["studies"][1]["topic"], "glossy");
+    EXPECT_NE(read(out / "index.html").find("metal, roughness 0.4"), std::string::npos);
+    EXPECT_NE(read(readme).find("| metal, roughness 0.4 |"), std::string::npos);
 
     EXPECT_NE(read(readme).find("| standard |"), std::string::npos);
     EXPECT_TRUE(read(readme).starts_with("before\n") && read(readme).ends_with("\nafter\n"));

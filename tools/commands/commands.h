@@ -67,6 +67,7 @@ struct CompareOptions {
     std::string scene = "all", out, clip, readme;
     std::vector<std::string> environments;
     bool quick = false;
+    std::vector<std::string> studies; // topics that are studied on each scene; none: as default_studies says
     MeasureOptions measure;
     std::string command; // as typed, for the report
 };

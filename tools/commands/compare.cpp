@@ -1,5 +1,6 @@
 #include "tools/commands/choice.h"
 #include "tools/commands/commands.h"
+#include "tools/commands/study.h"
 #include "tools/compare/clock.h"
 #include "tools/compare/report.h"
 #include "tools/report/failure.h"
@@ -22,7 +23,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Subject {
+struct Source {
     std::string label;
     std::string path; // empty: built in
 };
@@ -55,13 +56,13 @@ std::vector<std::string> model_files(const std::vector<std::string>& given) {
     return files;
 }
 
-std::vector<Subject> choose_subjects(const CompareOptions& options) {
-    std::vector<Subject> subjects;
+std::vector<Source> choose_sources(const CompareOptions& options) {
+    std::vector<Source> subjects;
     if (!options.models.empty()) {
         for (const std::string& file : model_files(options.models)) {
             // Files of one name are told apart by their directories'.
             std::string label = fs::path(file).filename().string();
-            for (const Subject& other : subjects)
+            for (const Source& other : subjects)
                 if (other.label == label) label = (fs::path(file).parent_path().filename() / label).string();
             subjects.push_back({label, file});
         }
@@ -81,7 +82,7 @@ std::vector<Subject> choose_subjects(const CompareOptions& options) {
     return subjects;
 }
 
-scenes::Scene load_subject(const Subject& subject, const std::string& clip) {
+scenes::Scene load_source(const Source& subject, const std::string& clip) {
     scenes::Scene scene =
         subject.path.empty() ? scenes::builtin(subject.label) : choose(subject.path, clip, true).scene;
     scene.name = subject.label;
@@ -101,11 +102,39 @@ std::string read_text(const std::string& path) {
     return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
 }
 
+// Glossy and direct light on every built-in scene, the crowd on the boxers; elsewhere what is asked for.
+std::vector<std::string> studies_of(const CompareOptions& options, const std::string& label) {
+    if (!options.studies.empty()) return options.studies;
+    if (!options.models.empty() || options.scene != "all" || options.quick) return {};
+    std::vector<std::string> topics{"glossy", "direct"};
+    if (label == "fight") topics.emplace_back("objects");
+    return topics;
+}
+
+void study_scene(const CompareOptions& options, const std::string& label, const scenes::Scene& scene,
+                 const std::function<void(double, const char*)>& progress,
+                 std::vector<StudyReport>& reports) {
+    const std::vector<std::string> topics = studies_of(options, label);
+    Subject subject{label, scene, {}};
+    subject.scene.pose(0.3 * subject.scene.duration, subject.pose);
+    StudyOptions study;
+    study.quick = true;
+    study.most_objects = 16;
+    study.engine.threads = 1;
+    study.engine.isa = options.measure.isa;
+    for (size_t k = 0; k < topics.size(); ++k) {
+        study.progress = [&](double done) {
+            progress((static_cast<double>(k) + done) / static_cast<double>(topics.size()), topics[k].c_str());
+        };
+        reports.push_back({label, topics[k], run_topic(topics[k], subject, study).table});
+    }
+}
+
 } // namespace
 
 void run_compare(const CompareOptions& options) {
     const double start = wall_ms();
-    const std::vector<Subject> subjects = choose_subjects(options);
+    const std::vector<Source> subjects = choose_sources(options);
     OutputDirectory out(options.out);
     const std::string readme = options.readme.empty() ? std::string() : read_text(options.readme);
     if (!readme.empty()) (void)with_tables(readme, "", options.readme);
@@ -126,17 +155,18 @@ void run_compare(const CompareOptions& options) {
         const bool sized = options.models.empty() && options.scene == "all";
         const double share = 1 / static_cast<double>(subjects.size() + sized);
         for (size_t k = 0; k < subjects.size() && !interrupted(); ++k) {
-            const Subject& subject = subjects[k];
+            const Source& subject = subjects[k];
             progress.show(share * static_cast<double>(k), subject.label);
             try {
-                comparison.scenes.push_back(measure_scene(
-                    load_subject(subject, options.clip), options.measure, lights,
-                    [&](double done, const char* what) {
-                        progress.show(share * (static_cast<double>(k) + done), subject.label + ", " + what);
-                    }));
+                const scenes::Scene scene = load_source(subject, options.clip);
+                const auto show = [&](double done, const std::string& what) {
+                    progress.show(share * (static_cast<double>(k) + done), subject.label + ", " + what);
+                };
+                comparison.scenes.push_back(measure_scene(scene, options.measure, lights, show));
+                study_scene(options, subject.label, scene, show, comparison.studies);
             } catch (const Failure& failure) {
                 // What was measured before, and what can be measured after, is told all the same.
-                if (subjects.size() == 1 || (interrupted() && comparison.scenes.empty())) throw;
+                if (comparison.scenes.empty() && (subjects.size() == 1 || interrupted())) throw;
                 if (!interrupted()) comparison.failures.push_back({subject.label, failure.what()});
             }
         }

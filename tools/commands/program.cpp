@@ -153,6 +153,13 @@ CLI::App* add_compare(CLI::App& app, CompareOptions& compare, CompareWords& word
         ->allow_extra_args(false);
     command
         ->add_option(
+            "--study", compare.studies,
+            "topics of `nusselt study` that each scene gets a table of: glossy, direct, objects; default: "
+            "the first two with --scene all, and objects on its fight, but not with --quick")
+        ->type_name("TOPIC")
+        ->check(CLI::IsMember({"glossy", "direct", "objects"}));
+    command
+        ->add_option(
             "--readme", compare.readme,
             "file whose tables between the lines <!-- compare:begin --> and <!-- compare:end --> are "
             "written anew")

@@ -3,6 +3,7 @@
 #include "tools/commands/choice.h"
 #include "tools/report/failure.h"
 #include "tools/report/output.h"
+#include "tools/report/progress.h"
 #include "tools/report/stop.h"
 
 #include <nlohmann/json.hpp>
@@ -16,9 +17,18 @@ namespace {
 
 struct Topic {
     const char* name;
-    Table (*run)(const Subject& subject, const StudyOptions& options);
+    Study (*run)(const Subject& subject, const StudyOptions& options);
 };
 constexpr Topic topics[] = {{"glossy", study_glossy}, {"direct", study_direct}, {"objects", study_objects}};
+
+const Topic& topic_of(const std::string& name) {
+    std::string list;
+    for (const Topic& topic : topics) {
+        if (name == topic.name) return topic;
+        list += std::string(list.empty() ? "" : ", ") + topic.name;
+    }
+    throw Failure("study", "there is no topic '" + name + "'; choose " + list, exit_usage);
+}
 
 Subject subject_of(const StudyOptions& options) {
     Subject subject;
@@ -49,26 +59,7 @@ std::string percent(double part) {
     return text;
 }
 
-std::string to_text(const Table& table) {
-    std::vector<size_t> widths;
-    for (size_t k = 0; k < table.columns.size(); ++k) {
-        widths.push_back(table.columns[k].size());
-        for (const auto& row : table.rows)
-            widths[k] = std::max(widths[k], row[k].size());
-    }
-    std::string text;
-    const auto line = [&](const std::vector<std::string>& cells) {
-        std::string row;
-        for (size_t k = 0; k < cells.size(); ++k)
-            row += cells[k] + std::string(widths[k] - cells[k].size() + 2, ' ');
-        row.erase(row.find_last_not_of(' ') + 1);
-        text += row + "\n";
-    };
-    line(table.columns);
-    for (const auto& row : table.rows)
-        line(row);
-    return text;
-}
+namespace {
 
 std::string to_json(const Table& table, const std::string& topic, const std::string& subject) {
     nlohmann::ordered_json json = {{"topic", topic}, {"subject", subject}, {"build", configuration()}};
@@ -81,6 +72,8 @@ std::string to_json(const Table& table, const std::string& topic, const std::str
     }
     return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
+
+} // namespace
 
 std::vector<double> measure_in_turns(uint32_t rounds, const std::vector<std::function<double()>>& ways) {
     std::vector<std::vector<double>> times(ways.size());
@@ -107,24 +100,23 @@ std::vector<uint32_t> choose_receivers(size_t vertices, size_t most) {
     return chosen;
 }
 
-void run_study(const StudyOptions& options) {
-    const auto topic = std::find_if(std::begin(topics), std::end(topics),
-                                    [&](const Topic& t) { return options.topic == t.name; });
-    if (topic == std::end(topics)) {
-        std::string list;
-        for (const Topic& t : topics)
-            list += std::string(list.empty() ? "" : ", ") + t.name;
-        throw Failure("study", "there is no topic '" + options.topic + "'; choose " + list, exit_usage);
-    }
+Study run_topic(const std::string& topic, const Subject& subject, const StudyOptions& options) {
+    return topic_of(topic).run(subject, options);
+}
+
+void run_study(StudyOptions options) {
+    (void)topic_of(options.topic);
     const Subject subject = subject_of(options);
     OutputDirectory out(options.out);
-    const Table table = topic->run(subject, options);
-    out.add(options.topic + ".json", to_json(table, options.topic, subject.name));
-    out.add(options.topic + ".txt", to_text(table));
-    for (const auto& [name, bytes] : table.pictures)
+    Progress progress("study");
+    options.progress = [&](double done) { progress.show(done); };
+    const Study study = run_topic(options.topic, subject, options);
+    out.add(options.topic + ".json", to_json(study.table, options.topic, subject.name));
+    out.add(options.topic + ".txt", to_text(study.table));
+    for (const auto& [name, bytes] : study.pictures)
         out.add(name, bytes);
     out.commit();
-    std::printf("%s", to_text(table).c_str());
+    std::printf("%s", to_text(study.table).c_str());
 }
 
 } // namespace nusselt::tools

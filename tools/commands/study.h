@@ -2,6 +2,7 @@
 #pragma once
 
 #include "tools/commands/engine.h"
+#include "tools/report/table.h"
 
 #include <functional>
 #include <string>
@@ -13,10 +14,12 @@ namespace nusselt::tools {
 struct StudyOptions {
     std::string topic, model, scene = "hand", out, clip;
     bool quick = false; // few receivers, rays and rounds
+    uint32_t most_objects = 64;
     Quality quality = Quality::standard;
     EngineOptions engine; // one thread unless told otherwise
+    std::function<void(double done)> progress = [](double) {};
 };
-void run_study(const StudyOptions& options);
+void run_study(StudyOptions options);
 
 // A scene in one pose, ready to be measured.
 struct Subject {
@@ -25,14 +28,13 @@ struct Subject {
     scenes::Pose pose;
 };
 
-// A table of texts, printed with aligned columns and written as JSON, one object a row.
-struct Table {
-    std::vector<std::string> columns;
-    std::vector<std::vector<std::string>> rows;
+struct Study {
+    Table table; // printed, and written as JSON, one object a row
     std::vector<std::pair<std::string, std::string>> pictures; // name and bytes, written beside
 };
-std::string to_text(const Table& table);
-std::string to_json(const Table& table, const std::string& topic, const std::string& subject);
+// Throws Failure where there is no such topic.
+Study run_topic(const std::string& topic, const Subject& subject, const StudyOptions& options);
+
 std::string percent(double part);
 
 // Processor milliseconds of each of several ways to run a frame: medians of rounds in which they take turns.
@@ -42,8 +44,8 @@ std::vector<double> measure_in_turns(uint32_t rounds, const std::vector<std::fun
 std::vector<uint32_t> choose_receivers(size_t vertices, size_t most);
 
 // The topics.
-Table study_glossy(const Subject& subject, const StudyOptions& options);
-Table study_direct(const Subject& subject, const StudyOptions& options);
-Table study_objects(const Subject& subject, const StudyOptions& options);
+Study study_glossy(const Subject& subject, const StudyOptions& options);
+Study study_direct(const Subject& subject, const StudyOptions& options);
+Study study_objects(const Subject& subject, const StudyOptions& options);
 
 } // namespace nusselt::tools

@@ -2,7 +2,6 @@
 // against rays into the environment itself.
 #include "tools/commands/study.h"
 #include "tools/image/image.h"
-#include "tools/report/progress.h"
 #include "tools/report/stop.h"
 #include "tools/trace/parallel.h"
 #include "tools/trace/trace.h"
@@ -127,8 +126,9 @@ RadianceError error_of(const StreamArray& stream, const std::vector<double>& ref
 
 } // namespace
 
-Table study_direct(const Subject& subject, const StudyOptions& options) {
-    Table table;
+Study study_direct(const Subject& subject, const StudyOptions& options) {
+    Study study;
+    Table& table = study.table;
     table.columns = {"light", "how", "over transfer", "error", "p99"};
     const Assembly all = assemble(subject.scene, subject.pose);
     const TraceScene traced = make_trace_scene(all);
@@ -141,7 +141,6 @@ Table study_direct(const Subject& subject, const StudyOptions& options) {
                             with_sun("sky and a sun of 6 degrees", around, 6),
                             with_sun("sky and a sun of 1 degree", around, 1),
                             with_sun("a sun of 1 degree alone", black, 1)};
-    Progress progress("study");
     double done = 0;
     for (const Light& light : lights) {
         const std::vector<double> reference =
@@ -173,9 +172,9 @@ Table study_direct(const Subject& subject, const StudyOptions& options) {
         row("25 terms", times[1], sh[0]);
         row("25 terms, Hann 6", times[2], damped[0]);
         row("direct", times[3], direct[0]);
-        progress.show(++done / std::size(lights));
+        options.progress(++done / std::size(lights));
     }
-    return table;
+    return study;
 }
 
 } // namespace nusselt::tools

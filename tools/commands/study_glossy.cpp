@@ -1,7 +1,6 @@
 // Glossy transfer: its cost over diffuse transfer, its error against rays, and what 25 terms leave out.
 #include "tools/commands/study.h"
 #include "tools/render/render.h"
-#include "tools/report/progress.h"
 #include "tools/report/stop.h"
 #include "tools/trace/glossy.h"
 
@@ -70,8 +69,9 @@ GlossyError error_of(const StreamArray& stream, const std::vector<float>& refere
 
 } // namespace
 
-Table study_glossy(const Subject& subject, const StudyOptions& options) {
-    Table table;
+Study study_glossy(const Subject& subject, const StudyOptions& options) {
+    Study study;
+    Table& table = study.table;
     table.columns = {"material", "over diffuse", "coloured", "error", "p99", "beyond 25 terms"};
     const Assembly all = assemble(subject.scene, subject.pose);
     const TraceScene traced = make_trace_scene(all);
@@ -88,7 +88,6 @@ Table study_glossy(const Subject& subject, const StudyOptions& options) {
     std::vector<float> transfer;
     std::vector<StreamArray> none, glossy(1);
     glossy[0].kind = OutputKind::glossy;
-    Progress progress("study");
     double done = 0;
     for (const Case& c : cases) {
         Reflectance reflectance = c.reflectance;
@@ -115,9 +114,9 @@ Table study_glossy(const Subject& subject, const StudyOptions& options) {
         std::snprintf(ratio, sizeof ratio, "%.2f x", times[1] / times[0]);
         table.rows.push_back({c.name, grey_ratio, ratio, percent(error.mean), percent(error.p99),
                               percent(static_cast<double>(lobe_beyond_bands(white.materials[0])))});
-        progress.show(++done / std::size(cases));
+        options.progress(++done / std::size(cases));
     }
-    return table;
+    return study;
 }
 
 } // namespace nusselt::tools

@@ -4,7 +4,6 @@
 #include "tools/commands/study.h"
 #include "tools/image/image.h"
 #include "tools/render/render.h"
-#include "tools/report/progress.h"
 #include "tools/report/stop.h"
 #include "tools/trace/trace.h"
 
@@ -75,16 +74,17 @@ private:
 
 } // namespace
 
-Table study_objects(const Subject& subject, const StudyOptions& options) {
-    Table table;
+Study study_objects(const Subject& subject, const StudyOptions& options) {
+    Study study;
+    Table& table = study.table;
     table.columns = {"objects",   "us a receiver", "over alone", "as one, us",    "as one, over alone",
                      "triangles", "error",         "p99",        "as one, error", "alone, error"};
     const float spacing = crowd_spacing(subject.pose);
     Engine one(subject.scene, options.engine, subject.name);
     std::vector<CrowdCost> costs;
-    Progress progress("study");
-    const std::vector<uint32_t> counts =
-        options.quick ? std::vector<uint32_t>{1, 4, 16, 64} : std::vector<uint32_t>{1, 2, 4, 8, 16, 32, 64};
+    std::vector<uint32_t> counts;
+    for (uint32_t n = 1; n <= options.most_objects; n *= options.quick ? 4 : 2)
+        counts.push_back(n);
     for (const uint32_t n : counts) {
         const Crowd crowd = make_crowd(subject.scene, n, spacing);
         Engine all(crowd.scene, options.engine, subject.name);
@@ -111,16 +111,16 @@ Table study_objects(const Subject& subject, const StudyOptions& options) {
              percent(error(frames.together).mean), percent(error(frames.alone).mean)});
         if (n == 16) {
             const Pictures pictures(crowd, all, options.quick);
-            table.pictures = {{"objects.png", pictures.png(all, frames.grouped)},
+            study.pictures = {{"objects.png", pictures.png(all, frames.grouped)},
                               {"as_one.png", pictures.png(all, frames.together)},
                               {"alone.png", pictures.png(all, frames.alone)}};
         }
-        progress.show(static_cast<double>(n) / counts.back());
+        options.progress(static_cast<double>(n) / counts.back());
     }
     std::string plot = plot_crowd(costs);
     plot.insert(4, " xmlns=\"http://www.w3.org/2000/svg\"");
-    table.pictures.emplace_back("objects.svg", plot);
-    return table;
+    study.pictures.emplace_back("objects.svg", plot);
+    return study;
 }
 
 } // namespace nusselt::tools

@@ -69,6 +69,7 @@ surfaces touch, the truth itself flips.</p>
 <div class="card"><div class="head"><h2>Cost against size</h2><span class="soft" id="sized"></span></div><div class="row" id="overview"></div></div>
 <div class="card" id="paper" hidden><div class="head"><h2>Tables 1 and 2 of the paper</h2><span class="soft">Kautz, Lehtinen, Aila 2004, on a
 3.06 GHz Pentium 4 Xeon; ours: quality paper, which is their method, on scenes of their sizes</span></div><div class="scroll"><table></table></div></div>
+<div id="studies"></div>
 <div id="scenes"></div>
 </main>
 <script>)page";
@@ -342,6 +343,21 @@ const sized = (title, x, label, y, unit) => {
 };
 sized("Cost of a frame against vertices", "vertices", "vertices", e => e.frame_ms.min, "ms a frame");
 sized("Cost of a vertex against triangles", "triangles", "triangles", e => e.us_per_vertex.min, "CPU microseconds a vertex");
+
+const topics = { glossy: "Glossy surfaces: processor time over diffuse transfer, grey and coloured; error against rays",
+  direct: "Direct light beside 25 terms: processor time over transfer alone; error of the radiance against rays into the light itself",
+  objects: "Many objects: processor time over the sum of their times alone; error of all, as one object, and each alone" };
+for (const study of report.studies) {
+  const card = make("div", document.getElementById("studies"), undefined, "card"), head = make("div", card, undefined, "head");
+  make("h2", head, study.scene + ", " + study.topic);
+  make("span", head, topics[study.topic], "soft");
+  const table = make("table", make("div", card, undefined, "scroll")), names = make("tr", table);
+  for (const name of study.columns) make("th", names, name);
+  for (const cells of study.rows) {
+    const row = make("tr", table);
+    for (const cell of cells) make("td", row, cell);
+  }
+}
 
 const pairs = report.scenes.map(s => ({ s, p: report.paper.find(p => p.name === s.name), e: s.entries.find(e => e.name === "paper") })).filter(x => x.p && x.e && x.e.work);
 if (pairs.length) {

@@ -271,6 +271,13 @@ Json report_json(const Comparison& comparison) {
                                  {"frame_ms", to_json(point.wall_ms)},
                                  {"triangles_rasterized", point.triangles_rasterized}});
     }
+    json["studies"] = Json::array();
+    for (const StudyReport& study : comparison.studies) {
+        json["studies"].push_back({{"scene", printable(study.scene)},
+                                   {"topic", study.topic},
+                                   {"columns", study.table.columns},
+                                   {"rows", study.table.rows}});
+    }
     json["paper"] = Json::array();
     for (const PaperRow& row : paper_rows) {
         json["paper"].push_back({{"name", row.name},
@@ -348,6 +355,8 @@ std::string terminal_table(const Comparison& comparison) {
             out += "  note: " + printable(note) + '\n';
         out += '\n';
     }
+    for (const StudyReport& study : comparison.studies)
+        out += printable(study.scene) + ", " + study.topic + ":\n" + to_text(study.table) + '\n';
     return out;
 }
 
@@ -444,6 +453,9 @@ std::string markdown_tables(const Comparison& comparison) {
                           speedup(entry.peer_all, entry.us).c_str());
         }
     }
+    for (const StudyReport& study : comparison.studies)
+        out += "\n**" + printable(study.scene) + ", " + study.topic +
+               "** (`nusselt study`, few receivers):\n\n" + to_markdown(study.table);
     const auto row = [&](const char* name, const auto& theirs, const auto& ours) {
         out += std::string("| ") + name;
         for (const SceneReport& scene : comparison.scenes) {

@@ -3,6 +3,7 @@
 
 #include "tools/compare/measure.h"
 #include "tools/compare/sizes.h"
+#include "tools/report/table.h"
 
 #include <nlohmann/json_fwd.hpp>
 
@@ -16,6 +17,12 @@ struct Unmeasured {
     std::string name, reason;
 };
 
+// What `nusselt study` has to say about a scene, with few receivers, rays and rounds.
+struct StudyReport {
+    std::string scene, topic;
+    Table table;
+};
+
 struct Comparison {
     MeasureOptions options;
     std::string command;
@@ -24,6 +31,7 @@ struct Comparison {
     std::vector<SceneReport> scenes;
     std::vector<Unmeasured> failures;
     std::vector<SizePoint> sizes; // empty: not measured
+    std::vector<StudyReport> studies;
 };
 
 // The reading of the format; grows with every change that a reader can trip over.
