@@ -87,9 +87,13 @@ struct alignas(64) Rays {
     uint32_t active;
 };
 
-// Of clusters first to end, those that the rays may meet. Conservative. As SelectClusters otherwise.
-using SelectAlong = uint32_t (*)(const Rays& rays, const ClusterBounds& clusters, uint32_t first,
-                                 uint32_t end, uint32_t* selected);
+// Of candidates first to end (null: of the clusters with these numbers), those that the rays may meet.
+// Conservative; whatever is active. As SelectClusters otherwise.
+using SelectAlong = uint32_t (*)(const Rays& rays, const ClusterBounds& clusters, const uint32_t* candidates,
+                                 uint32_t first, uint32_t end, uint32_t* selected);
+
+// The cluster's triangles that the rays may meet, one bit each. Conservative; whatever is active.
+using TrianglesAlong = uint64_t (*)(const Rays& rays, const ClusterView& cluster);
 
 // Adds to winding[lane] how often the ray leaves through a triangle of the cluster (seen from behind), less
 // how often it enters through one. Summed over a closed surface that is how often it winds around the origin.
@@ -179,6 +183,7 @@ struct Kernels {
     TriangleJobs triangle_jobs;
     FanJobs fan_jobs;
     SelectAlong select_along;
+    TrianglesAlong triangles_along;
     CountCrossings count_crossings;
     RunJobs run_jobs;
     Integrate integrate;

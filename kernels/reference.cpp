@@ -91,15 +91,26 @@ bool meets(const Rays& rays, float cx, float cy, float cz, float radius) {
     return along + reach >= 0 && square - along * along <= reach * reach;
 }
 
-uint32_t select_along(const Rays& rays, const ClusterBounds& clusters, uint32_t first, uint32_t end,
-                      uint32_t* selected) {
+uint32_t select_along(const Rays& rays, const ClusterBounds& clusters, const uint32_t* candidates,
+                      uint32_t first, uint32_t end, uint32_t* selected) {
     uint32_t count = 0;
-    for (uint32_t c = first; c < end; ++c) {
+    for (uint32_t i = first; i < end; ++i) {
+        const uint32_t c = candidates ? candidates[i] : i;
         if (meets(rays, clusters.centre[0][c], clusters.centre[1][c], clusters.centre[2][c],
                   clusters.radius[c]))
             selected[count++] = c;
     }
     return count;
+}
+
+uint64_t triangles_along(const Rays& rays, const ClusterView& cluster) {
+    const uint32_t slots = triangle_slots(cluster.triangle_count);
+    uint64_t met = 0;
+    for (uint32_t t = 0; t < cluster.triangle_count; ++t) {
+        const auto bound = [&](uint32_t array) { return cluster.bounds[array * slots + t]; };
+        met |= uint64_t(meets(rays, bound(4), bound(5), bound(6), bound(7))) << t;
+    }
+    return met;
 }
 
 // Whether one lane's ray may meet a sphere.
@@ -362,8 +373,8 @@ void evaluate_sh(const float* x, const float* y, const float* z, size_t count, f
 
 } // namespace
 
-const Kernels reference_kernels = {"scalar", prepare_batch, select_clusters, cluster_jobs, triangle_jobs,
-                                   fan_jobs, select_along,  count_crossings, run_jobs,     integrate,
-                                   rotate,   downsample,    shade,           evaluate_sh};
+const Kernels reference_kernels = {"scalar",  prepare_batch, select_clusters, cluster_jobs,    triangle_jobs,
+                                   fan_jobs,  select_along,  triangles_along, count_crossings, run_jobs,
+                                   integrate, rotate,        downsample,      shade,           evaluate_sh};
 
 } // namespace nusselt::kernels

@@ -355,19 +355,39 @@ HWY_INLINE M meets(const Rays& rays, const Load& load) {
                    hn::Le(hn::Sub(square, hn::Mul(along, along)), hn::Mul(reach, reach)));
 }
 
-uint32_t select_along(const Rays& rays, const ClusterBounds& clusters, uint32_t first, uint32_t end,
-                      uint32_t* selected) {
+uint32_t select_along(const Rays& rays, const ClusterBounds& clusters, const uint32_t* candidates,
+                      uint32_t first, uint32_t end, uint32_t* selected) {
+    const auto array = [&](uint32_t k) { return k < 3 ? clusters.centre[k] : clusters.radius; };
     uint32_t count = 0;
     for (uint32_t i = first; i < end; i += width) {
-        const auto load = [&](uint32_t array) HWY_ATTR {
-            return hn::LoadU(df, (array < 3 ? clusters.centre[array] : clusters.radius) + i);
-        };
-        const uint32_t kept = bits_of(hn::And(meets(rays, load), hn::FirstN(df, end - i)));
+        const M present = hn::FirstN(df, end - i);
+        U numbers = hn::Iota(du, i);
+        M met;
+        if (candidates) {
+            // Lanes past the end look at cluster 0: a number read there may be anything.
+            numbers = hn::IfThenElseZero(hn::RebindMask(du, present), hn::LoadU(du, candidates + i));
+            const auto index = hn::BitCast(di, numbers);
+            met = meets(rays, [&](uint32_t k) HWY_ATTR { return hn::GatherIndex(df, array(k), index); });
+        } else {
+            met = meets(rays, [&](uint32_t k) HWY_ATTR { return hn::LoadU(df, array(k) + i); });
+        }
+        const uint32_t kept = bits_of(hn::And(met, present));
         if (!kept) continue;
-        hn::StoreU(compress(hn::Iota(du, i), kept), du, selected + count);
+        hn::StoreU(compress(numbers, kept), du, selected + count);
         count += static_cast<uint32_t>(__builtin_popcount(kept));
     }
     return count;
+}
+
+uint64_t triangles_along(const Rays& rays, const ClusterView& cluster) {
+    const uint32_t slots = triangle_slots(cluster.triangle_count);
+    uint64_t met = 0;
+    for (uint32_t t = 0; t < slots; t += width) {
+        const auto load = [&](uint32_t array)
+                              HWY_ATTR { return hn::LoadU(df, cluster.bounds + (4 + array) * slots + t); };
+        met |= uint64_t(bits_of(meets(rays, load))) << t;
+    }
+    return cluster.triangle_count < 64 ? met & ((1ull << cluster.triangle_count) - 1) : met;
 }
 
 // Rays along the axis 0 to 2, or 3: in any direction. (x, y, z): from their origin to a sphere's centre.
@@ -914,9 +934,9 @@ constexpr const char* set_name() {
 
 } // namespace
 
-const Kernels table = {set_name(), prepare_batch, select_clusters, cluster_jobs, triangle_jobs,
-                       fan_jobs,   select_along,  count_crossings, run_jobs,     integrate,
-                       rotate,     downsample,    shade,           evaluate_sh};
+const Kernels table = {set_name(), prepare_batch, select_clusters, cluster_jobs,    triangle_jobs,
+                       fan_jobs,   select_along,  triangles_along, count_crossings, run_jobs,
+                       integrate,  rotate,        downsample,      shade,           evaluate_sh};
 
 } // namespace HWY_NAMESPACE
 } // namespace nusselt::kernels

@@ -53,7 +53,7 @@ class FrameDesc(c.Structure):
                 ("origin", c.c_void_p), ("history", Mesh), ("budget_us", c.c_float),
                 ("falloff_from", c.c_float), ("falloff_to", c.c_float), ("light", c.c_void_p),
                 ("environment", c.c_void_p), ("visible", c.c_void_p), ("record", c.c_void_p),
-                ("visible_segment", c.c_uint32)]
+                ("visible_segment", c.c_uint32), ("watertight", c.c_uint32)]
 
 
 class Nusselt:

@@ -5,6 +5,7 @@
 #include "far.h"
 #include "gloss.h"
 #include "inside.h"
+#include "last_samples.h"
 #include "visible_set.h"
 
 #include <algorithm>
@@ -269,6 +270,7 @@ void shadow_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receiver
     }
     if (frame.quality.paper) mark_vicinity(slice, receivers, batch, false, worker);
     k.run_jobs(tables, jobs, worker.masks.data());
+    if (frame.watertight) cover_last_samples(frame, slice, receivers, batch, selected, worker);
     clock.lap(raster_stage);
     finish_batch(frame, slice, batch, worker, clock);
     batch.valid |= inside; // their streams have normals

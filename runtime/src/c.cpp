@@ -304,6 +304,7 @@ nusselt_status nusselt_submit(nusselt_context* context, const nusselt_frame_desc
     frame.visible = reinterpret_cast<const VisibleSet*>(desc->visible);
     frame.record = reinterpret_cast<VisibleSet*>(desc->record);
     frame.visible_segment = desc->visible_segment;
+    frame.watertight = desc->watertight != 0;
     Status status;
     const uint32_t outputs = desc->meshes ? count_outputs(*desc) : 0;
     if (!desc->meshes) {

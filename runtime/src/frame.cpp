@@ -73,6 +73,10 @@ Status check(const FrameDesc& desc) {
         return bad(
             "no frame started: the order is not one of 1 to 5; it is the number of bands, 5 for all 25 "
             "terms");
+    if (desc.watertight && (desc.quality == Quality::paper || desc.falloff.to > 0))
+        return bad(
+            "no frame started: watertight masks with quality paper or a falloff, which know none; leave "
+            "one of them out");
     const bool history = desc.history.generation != 0;
     if (desc.same_pose && !history)
         return bad("no frame started: same_pose without a history; give the one that knows the pose");
@@ -382,6 +386,7 @@ void set_up(Context& context, const FrameDesc& desc, Frame& frame) {
     frame.workers = frame.crew->workers.data();
     frame.quality = *quality_settings(desc.quality);
     frame.order = desc.order;
+    frame.watertight = desc.watertight;
     frame.kernels = context.kernels;
     frame.output_kernels = context.output_kernels;
     frame.light_kernels = context.light_kernels;

@@ -139,9 +139,10 @@ struct Worker {
         : scratch(HostAllocator<kernels::ClusterScratch>(a)), masks(HostAllocator<uint8_t>(a)),
           jobs(HostAllocator<uint32_t>(a)), near(HostAllocator<uint16_t>(a)),
           candidates(HostAllocator<uint32_t>(a)), selected(HostAllocator<uint32_t>(a)),
-          groups(HostAllocator<uint32_t>(a)), meshes(HostAllocator<uint32_t>(a)),
-          visible(HostAllocator<uint32_t>(a)), far_meshes(HostAllocator<uint32_t>(a)),
-          masks_before(HostAllocator<uint8_t>(a)), points_before(HostAllocator<float>(a)) {}
+          groups(HostAllocator<uint32_t>(a)), along(HostAllocator<uint32_t>(a)),
+          meshes(HostAllocator<uint32_t>(a)), visible(HostAllocator<uint32_t>(a)),
+          far_meshes(HostAllocator<uint32_t>(a)), masks_before(HostAllocator<uint8_t>(a)),
+          points_before(HostAllocator<float>(a)) {}
 
     Vector<kernels::ClusterScratch> scratch; // one
     Vector<uint8_t> masks;                   // of a batch, for each shell
@@ -149,6 +150,7 @@ struct Worker {
     Vector<uint16_t> near; // by welded vertex, one bit a lane (quality `paper`); zero between batches
     Vector<uint32_t> candidates, selected;
     Vector<uint32_t> groups;            // of clusters, that may matter
+    Vector<uint32_t> along;             // of `selected`, that a ray may meet
     Vector<uint32_t> meshes;            // of the frame, that may matter
     Vector<uint32_t> visible;           // of the candidates (frames with a visible set)
     Vector<uint32_t> far_meshes;        // of other objects, seen from one point alone
@@ -215,7 +217,8 @@ struct Frame {
     uint32_t visible_segment = 0; // of either
     Shells shells;
     QualitySettings quality{};
-    uint32_t order = 5;           // bands of the transfer vectors
+    uint32_t order = 5; // bands of the transfer vectors
+    bool watertight = false;
     Clusters no_clusters;         // of meshes that only receive
     Vector<MeshSlice> meshes;     // the caller's, and after them the backs of those that have one
     uint32_t mesh_count = 0;      // the caller's

@@ -135,7 +135,8 @@ kernels::ClusterBounds ClusterBoundsArrays::view(uint32_t count) const {
 
 bool is_same_group(const Frame& frame, const FrameDesc& desc) {
     const History& h = frame.history;
-    if (h.quality != desc.quality || h.order != desc.order || h.members.size() != desc.mesh_count)
+    if (h.quality != desc.quality || h.order != desc.order || h.watertight != desc.watertight ||
+        h.members.size() != desc.mesh_count)
         return false;
     for (uint32_t i = 0; i < desc.mesh_count; ++i) {
         const FrameMesh& m = desc.meshes[i];
@@ -196,6 +197,7 @@ void meet_history(Frame& frame, const FrameDesc& desc) {
     }
     h.quality = desc.quality;
     h.order = desc.order;
+    h.watertight = desc.watertight;
 }
 
 void start_clock(void* context, uint32_t, uint32_t, uint32_t) {

@@ -52,6 +52,7 @@ struct History {
 
     Vector<GroupMember> members; // none: no frame yet
     Quality quality = Quality::standard;
+    bool watertight = false;
     uint32_t order = 0;
     bool same_group = false; // this frame's group is the last one's: what was computed then may be reused
     bool same_pose = false;  // this frame's positions and normals are the last one's

@@ -49,12 +49,12 @@ uint32_t clusters_along(const Frame& frame, uint32_t mesh, uint32_t closed, Work
     const Kernels& k = *frame.kernels;
     const uint32_t first = frame.meshes[mesh].first_cluster, end = first + closed;
     const uint32_t first_group = frame.meshes[mesh].first_group;
-    const uint32_t groups = k.select_along(worker.rays, frame.group_bounds.view(0), first_group,
+    const uint32_t groups = k.select_along(worker.rays, frame.group_bounds.view(0), nullptr, first_group,
                                            first_group + groups_of(closed), worker.groups.data());
     uint32_t count = 0;
     for (uint32_t g = 0; g < groups; ++g) {
         const uint32_t begin = first + (worker.groups[g] - first_group) * group_clusters;
-        count += k.select_along(worker.rays, frame.cluster_bounds, begin,
+        count += k.select_along(worker.rays, frame.cluster_bounds, nullptr, begin,
                                 std::min(begin + group_clusters, end), worker.selected.data() + count);
     }
     return count;

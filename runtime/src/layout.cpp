@@ -114,6 +114,7 @@ void grow(Frame& frame) {
         if (frame.quality.paper) w.near.resize(frame.point_count, 0);
         w.candidates.resize(clusters + 16);
         w.selected.resize(clusters + 16);
+        w.along.resize(clusters + 16);
         w.groups.resize(frame.group_count + 16);
         w.meshes.resize(frame.meshes.size() + 16);
         w.far_meshes.resize(frame.meshes.size());

@@ -276,6 +276,7 @@ static void test_visible_set(nusselt_context* context, nusselt_mesh mesh) {
     EXPECT(nusselt_visible_set_segments(set) == 2 && nusselt_visible_set_segments(NULL) == 0);
     desc.record = set;
     desc.visible_segment = 1;
+    desc.watertight = 1;
     EXPECT_CODE(nusselt_submit(context, &desc, &frame), NUSSELT_OK);
     EXPECT_CODE(nusselt_wait(context, frame, NULL), NUSSELT_OK);
     size = nusselt_visible_set_bytes(set);

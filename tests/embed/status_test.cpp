@@ -260,6 +260,14 @@ void Statuses::of_light() {
 
     refuse_frame([](FrameDesc& d, FrameMesh&) { d.falloff = {2, 1}; });
     refuse_frame([](FrameDesc& d, FrameMesh&) {
+        d.watertight = true;
+        d.quality = Quality::paper;
+    });
+    refuse_frame([](FrameDesc& d, FrameMesh&) {
+        d.watertight = true;
+        d.falloff = {1, 2};
+    });
+    refuse_frame([](FrameDesc& d, FrameMesh&) {
         d.falloff = {1, 2};
         d.quality = Quality::paper;
     });

@@ -224,6 +224,7 @@ TEST_F(Sets, SelectAlongAndCountCrossings) {
         int32_t a[lanes], b[lanes];
         for (uint32_t lane = 0; lane < lanes; ++lane)
             a[lane] = b[lane] = int32_t(lane) - 8; // added to
+        EXPECT_EQ(k->triangles_along(rays, cluster.view), reference->triangles_along(rays, cluster.view));
         reference->count_crossings(rays, cluster.view, cluster.points.get(), a);
         k->count_crossings(rays, cluster.view, cluster.points.get(), b);
         for (uint32_t lane = 0; lane < lanes; ++lane) {
@@ -245,8 +246,13 @@ TEST_F(Sets, SelectAlongAndCountCrossings) {
         bounds.radius = spheres[3].get();
         const uint32_t begin = random.below(count), end = begin + random.below(count - begin + 1);
         std::vector<uint32_t> from_a(count + 16), from_b(count + 16);
-        const uint32_t count_a = reference->select_along(rays, bounds, begin, end, from_a.data());
-        ASSERT_EQ(k->select_along(rays, bounds, begin, end, from_b.data()), count_a) << "seed " << seed;
+        std::vector<uint32_t> some(count + 16, ~0u); // read past their end, never used there
+        for (uint32_t i = 0; i < count; ++i)
+            some[i] = random.below(count);
+        const uint32_t* const candidates = random.one_in(2) ? some.data() : nullptr;
+        const uint32_t count_a = reference->select_along(rays, bounds, candidates, begin, end, from_a.data());
+        ASSERT_EQ(k->select_along(rays, bounds, candidates, begin, end, from_b.data()), count_a)
+            << "seed " << seed;
         from_a.resize(count_a);
         from_b.resize(count_a);
         ASSERT_EQ(from_a, from_b) << "seed " << seed;

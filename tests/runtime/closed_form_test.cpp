@@ -295,7 +295,8 @@ TEST(ClosedForm, Sphere) {
 
 // Receivers inside a mesh whose fronts look inward, which no closed part's do: a sheet, with its levels. All
 // is hidden, but for what the table's rounding leaves open at vertices, where three planes of each triangle
-// round apart, and at `fine` for small gaps where levels meet. A known limit of this version.
+// round apart, and at `fine` for small gaps where levels meet. Frames that ask for watertight masks have
+// none.
 TEST(ClosedForm, EnclosureLeaksLittle) {
     struct Limit {
         Quality quality;

@@ -167,7 +167,7 @@ TEST(Accuracy, M11FullEnclosure) {
     Random random(stress_seed() + 29);
     for (const uint32_t subdivisions : {1u, 3u, 5u}) {
         const uint64_t batches = std::max<uint64_t>(stress_cases() / (subdivisions == 5 ? 32 : 16), 4);
-        uint64_t leaks = 0, holed = 0, most = 0, receivers = 0;
+        uint64_t leaks = 0, holed = 0, most = 0, receivers = 0, holes = 0;
         double farthest = 0;
         for (uint64_t i = 0; i < batches; ++i) {
             const Soup shell = sphere_soup(subdivisions, &random);
@@ -196,6 +196,8 @@ TEST(Accuracy, M11FullEnclosure) {
                 most = std::max<uint64_t>(most, open);
                 ++receivers;
             }
+            const Masks decided = rasterize(widest(), standard, batch, inside, {.last_samples = true});
+            holes += 16 * 1024 - count_bits(decided.data(), 16 * 128);
         }
         const std::string name =
             "M11 inside a sphere of " + std::to_string(20u << (2 * subdivisions)) + " triangles: ";
@@ -203,6 +205,9 @@ TEST(Accuracy, M11FullEnclosure) {
         figure(name + "receivers with a leak", 100.0 * double(holed) / double(receivers), "%");
         figure(name + "most leaked at a receiver", double(most), "bits");
         figure(name + "farthest leak from a vertex", farthest / turn, "turns of a cell");
+        figure(name + "samples left open once the last are decided, of " + std::to_string(1024 * receivers),
+               double(holes), "bits");
+        EXPECT_EQ(holes, 0u);
         EXPECT_LE(farthest, 2 * turn);
         EXPECT_LE(double(leaks) / double(receivers), 0.3);
     }
@@ -211,7 +216,7 @@ TEST(Accuracy, M11FullEnclosure) {
 // M11, M14. A room of whole numbers, receivers on a lattice, edges and corners straight above them.
 TEST(Accuracy, M11LatticeRoom) {
     for (const float offset : {0.0f, 100000.0f}) {
-        uint64_t leaks = 0, receivers = 0;
+        uint64_t leaks = 0, receivers = 0, holes = 0;
         const int n = 8;
         Soup room;
         room.two_sided = true;
@@ -256,9 +261,13 @@ TEST(Accuracy, M11LatticeRoom) {
             const Masks masks = rasterize(widest(), standard, batch, moved);
             leaks += 16 * 1024 - count_bits(masks.data(), 16 * 128);
             receivers += 16;
+            const Masks decided = rasterize(widest(), standard, batch, moved, {.last_samples = true});
+            holes += 16 * 1024 - count_bits(decided.data(), 16 * 128);
         }
         const std::string name = offset > 0 ? "M11 lattice room at 1e5: " : "M11 lattice room: ";
         figure(name + "leaked samples per receiver", double(leaks) / double(receivers), "bits");
+        figure(name + "samples left open once the last are decided", double(holes), "bits");
+        EXPECT_EQ(holes, 0u);
         EXPECT_LE(double(leaks) / double(receivers), 0.05);
     }
 }

@@ -1,5 +1,7 @@
 #include "tests/stress/raster.h"
 
+#include "kernels/last_samples.h"
+
 #include <algorithm>
 #include <cfloat>
 #include <cmath>
@@ -216,6 +218,22 @@ Masks rasterize(const Kernels& set, const MaskLayout& layout, const Batch& batch
         set.cluster_jobs(batch, clusters[c].view, clusters[c].points.get(), layout, horizon, bench.scratch[0],
                          bench.jobs.list, counters);
         set.run_jobs(tables, bench.jobs.list, bench.masks.get());
+    }
+    for (uint32_t lane = 0; options.last_samples && lane < lanes; ++lane) {
+        uint8_t* const mask = bench.masks.get() + lane * mask_bytes(layout);
+        uint32_t bits[most_last_samples(fine_layout)];
+        const uint32_t count = find_last_samples(layout, mask, bits);
+        for (uint32_t i = 0; i < count; ++i) {
+            const Sample sample = sample_of(layout, batch, lane, bits[i]);
+            const auto hidden = [&](const uint32_t c) {
+                const ClusterView& view = clusters[c].view;
+                for (uint32_t t = 0; t < view.triangle_count; ++t)
+                    if (hides(batch, lane, view, clusters[c].points.get(), t, sample)) return true;
+                return false;
+            };
+            if (std::any_of(chosen.begin(), chosen.end(), hidden))
+                mask[bits[i] / 8] = uint8_t(mask[bits[i] / 8] | 1u << bits[i] % 8);
+        }
     }
     return {bench.masks.get(), bench.masks.get() + bytes};
 }

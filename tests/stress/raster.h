@@ -23,6 +23,7 @@ struct RasterOptions {
     bool cull = true;          // cluster selection and horizon, as in a frame; else every triangle goes in
     uint32_t per_cluster = 64; // triangles at most
     float horizon = -1;        // tangent of the elevation below which culling drops; negative: the table's
+    bool last_samples = false; // decided by the triangles' own planes where a mask is nearly closed
 };
 
 // The widest instruction set of this machine.

@@ -326,6 +326,8 @@ TEST_F(Program, RenderShowsLightAndWhatElseThereIs) {
     expect_failure(2, render + "out --window box:3", {"box:3", "hann"});
     expect_failure(2, render + "out --falloff 2:1", {"2:1"});
     expect_failure(2, render + "out --falloff 1:2 --brdf ggx", {"--brdf"});
+    expect_failure(2, render + "out --falloff 1:2 --watertight", {"--watertight"});
+    expect_failure(2, render + "out --quality paper --watertight", {"--watertight"});
     expect_failure(2, render + "out --show depth", {"depth", "bent-normal"});
     expect_failure(2, render + "out --show bent-normal --shadows off", {"--shadows"});
     const auto picture = [&](const std::string& name, const std::string& options) {

@@ -50,6 +50,7 @@ struct RenderOptions {
     Show show = Show::radiance;
     Reflectance reflectance;
     Falloff falloff;
+    bool watertight = false;
     TwoSided two_sided = TwoSided::model;
     std::string visible_set;        // file of `nusselt pvs`; empty: none
     bool direct = false;            // light straight from the masks and the environment

@@ -269,6 +269,7 @@ FrameStats Engine::frame(const scenes::Pose& pose, Quality quality, std::vector<
     FrameDesc desc;
     desc.environment = environment_;
     desc.falloff = falloff_;
+    desc.watertight = watertight_;
     if (visible_role_ == VisibleRole::recorded) desc.record = visible_;
     if (visible_role_ == VisibleRole::used) desc.visible = visible_;
     desc.visible_segment = visible_segment_;

@@ -67,6 +67,7 @@ public:
 
     // Occlusion of the frames that follow fades with distance.
     void fade(const Falloff& falloff) { falloff_ = falloff; }
+    void make_watertight() { watertight_ = true; } // FrameDesc::watertight, in the frames to come
 
     // Which object each mesh belongs to, in the frames that follow (FrameMesh::object).
     void group(const std::vector<uint32_t>& objects);
@@ -109,6 +110,7 @@ private:
     std::vector<float> light_;
     Environment* environment_ = nullptr;
     Falloff falloff_;
+    bool watertight_ = false;
     enum class VisibleRole { none, recorded, used };
     VisibleSet* visible_ = nullptr;
     VisibleRole visible_role_ = VisibleRole::none;

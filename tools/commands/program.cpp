@@ -378,6 +378,9 @@ void parse_and_run(int argc, const char* const* argv) {
         ->add_option("--falloff", render_words.falloff,
                      "occlusion fades from one distance to another, in the model's unit; not physical")
         ->type_name("FROM:TO");
+    render_command->add_flag("--watertight", render.watertight,
+                             "no light inside what is closed: the last open samples of a nearly closed mask "
+                             "are asked of the triangles themselves");
     render_command
         ->add_option(
             "--pvs", render.visible_set,
@@ -512,6 +515,13 @@ void parse_and_run(int argc, const char* const* argv) {
             throw Failure("--light",
                           "direct light has shadows from the library and no bands; leave --shadows and "
                           "--window out",
+                          exit_usage);
+        }
+        if (render.watertight && (render.shadows != Shadows::on || render.quality == Quality::paper ||
+                                  !render_words.falloff.empty())) {
+            throw Failure("--watertight",
+                          "only masks of the library are made watertight, and not with quality paper or "
+                          "--falloff; leave --shadows and --falloff out",
                           exit_usage);
         }
         if (!render_words.falloff.empty()) {

@@ -109,6 +109,7 @@ void run_render(const RenderOptions& options) {
     const Camera camera = frame_camera(framing);
 
     engine.fade(options.falloff);
+    if (options.watertight) engine.make_watertight();
     if (!options.visible_set.empty()) engine.use_visible(read_set(options.visible_set), options.visible_set);
     // Lambert's light is a dot product afterwards; glossy light comes with the frame.
     const bool glossy = options.reflectance.kind != Reflectance::Kind::lambert || options.direct;

@@ -290,6 +290,7 @@ typedef struct nusselt_frame_desc {
     const nusselt_visible_set* visible;     /* blockers to look at; null: all */
     nusselt_visible_set* record;            /* null, or what matters in this frame is added to it */
     uint32_t visible_segment;               /* of either */
+    uint32_t watertight;                    /* 1: as nusselt::FrameDesc::watertight */
 } nusselt_frame_desc;
 
 typedef struct nusselt_frame_stats {
