@@ -89,11 +89,6 @@ int cli(const uint8_t* data, size_t size) {
         arguments.push_back(word);
     }
     if (heavy && !help) return 0; // seconds of work
-    // Words that happen to follow --out would be written to wherever the process stands.
-    for (size_t i = 1; i + 1 < arguments.size(); ++i) {
-        if (arguments[i] == "--out" && !arguments[i + 1].starts_with(folder.path.string()))
-            arguments[i + 1] = (folder.path / "out").string();
-    }
     std::vector<const char*> argv;
     for (const std::string& a : arguments)
         argv.push_back(a.c_str());
@@ -107,12 +102,21 @@ int cli(const uint8_t* data, size_t size) {
             static_cast<volatile char*>(name)[i] = arguments[2][i];
     }
 #endif
+    // Any word may become the place for results.
+    const fs::path home = fs::current_path();
+    fs::current_path(folder.path);
     const int code = tools::run_program(int(arguments.size()), argv.data());
+    fs::current_path(home);
     expect(code >= 0 && code <= 2, "an exit code is 0, 1 or 2");
-    for (const auto& entry : fs::directory_iterator(folder.path))
-        expect(!entry.path().filename().string().starts_with("."), "no half-written output is left");
+    std::vector<fs::path> made;
+    for (const auto& entry : fs::directory_iterator(folder.path)) {
+        const std::string name = entry.path().filename().string();
+        expect(!name.starts_with("."), "no half-written output is left");
+        if (name != "box.obj" && name != "broken.glb" && name != "light.hdr") made.push_back(entry.path());
+    }
     std::error_code ignored;
-    fs::remove_all(folder.path / "out", ignored);
+    for (const fs::path& path : made)
+        fs::remove_all(path, ignored);
     return 0;
 }
 
