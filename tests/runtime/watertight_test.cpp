@@ -93,7 +93,8 @@ TEST(Watertight, ChangesNearlyClosedMasksAlone) {
         const Outputs tight = run_frame(engine.context, frame, watertight(Quality::standard));
         for (size_t m = 0; m < frame.size(); ++m) {
             for (size_t v = 0; v < loose.meshes[m].transfer.size(); ++v) {
-                const uint32_t before = blocked_bits(loose.meshes[m], v), after = blocked_bits(tight.meshes[m], v);
+                const uint32_t before = blocked_bits(loose.meshes[m], v),
+                               after = blocked_bits(tight.meshes[m], v);
                 if (before < 1024 - 16) {
                     EXPECT_TRUE(same_result(loose.meshes[m], tight.meshes[m], v)) << name << " " << v;
                 } else {
