@@ -78,7 +78,8 @@ bool hides(const Batch& batch, uint32_t lane, const ClusterView& cluster, const 
     const auto bound = [&](uint32_t array) { return cluster.bounds[array * slots + triangle]; };
     const Vec middle = to_local(batch, lane, {cluster.centre[0], cluster.centre[1], cluster.centre[2]});
     const float distance = std::sqrt(middle.x * middle.x + middle.y * middle.y + middle.z * middle.z);
-    const float margin = cluster.clearance + 1e-6f * (distance + cluster.radius);
+    // A coarse triangle that ClusterJobs leaves out for its clearance may be all that there is.
+    const float margin = (cluster.full ? cluster.clearance : 0.0f) + 1e-6f * (distance + cluster.radius);
     const float height = bound(0) * batch.position[0][lane] + bound(1) * batch.position[1][lane] +
                          bound(2) * batch.position[2][lane] - bound(3);
     const bool front = height > margin, back = cluster.two_sided && height < -margin;

@@ -23,8 +23,8 @@ uint32_t find_last_samples(const MaskLayout& layout, const uint8_t* mask,
 
 Sample sample_of(const MaskLayout& layout, const Batch& batch, uint32_t lane, uint32_t bit);
 
-// Whether a triangle hides the sample, its planes unrounded: one that ClusterJobs draws, or left out where
-// two levels of a sheet meet. A sample in the plane of an edge belongs to both sides.
+// Whether a triangle hides the sample, its planes unrounded: one that ClusterJobs draws, or a coarse one that
+// it leaves out where levels meet. A sample in the plane of an edge belongs to both sides.
 bool hides(const Batch& batch, uint32_t lane, const ClusterView& cluster, const float* points,
            uint32_t triangle, const Sample& sample);
 

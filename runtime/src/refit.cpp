@@ -13,8 +13,9 @@ namespace {
 
 // In distances of a coarse cluster from the surface that it stands for: a plane that passes a receiver no
 // farther off may lie on the wrong side of it, and hide all or nothing. As seen from there its triangles are
-// slivers, and where they are near the finer level is drawn.
-constexpr float clear_of_own = 1.5f;
+// slivers, and where they are near the finer level is drawn. A sheet hides from both sides, and up to twice
+// that of a closed part it still darkened receivers in folds.
+constexpr float clear_of_closed = 1.5f, clear_of_sheet = 3.0f;
 // Of the root mean square distance of a cluster from the level before it. A level serves where twice that of
 // the whole level is small enough, and where so many times a cluster's own is: flat parts would else vouch
 // for a finger.
@@ -327,7 +328,8 @@ void choose_bands(void* context, uint32_t begin, uint32_t end, uint32_t) {
             views[c].nearest = nearest[c];
             views[c].farthest = farthest[c];
             farthest[c] = std::max(farthest[c], 2 * frame.triangle_radius.data()[slice.first_cluster + c]);
-            const float own = frame.quality.paper ? 0 : clear_of_own * of_cluster[c].most;
+            const float clear = views[c].two_sided ? clear_of_sheet : clear_of_closed;
+            const float own = frame.quality.paper ? 0 : clear * of_cluster[c].most;
             views[c].clearance = std::max(own, clear_of_rounding(views[c]));
         }
         bound_mesh(frame, m);
