@@ -185,7 +185,7 @@ void run_compare(const CompareOptions& options) {
 
     out.add("report.json", report_json(comparison).dump(1) + "\n");
     out.add("index.html", report_page(comparison));
-    out.add("tables.md", markdown_tables(comparison));
+    out.add("tables.md", markdown_tables(comparison) + markdown_studies(comparison));
     for (const SceneReport& scene : comparison.scenes)
         for (const Shot& shot : scene.shots)
             out.add("pictures/" + shot.name + ".png", encode_png(shot.picture));

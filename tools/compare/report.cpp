@@ -425,6 +425,14 @@ constexpr const char* end_marker = "<!-- compare:end -->";
 
 } // namespace
 
+std::string markdown_studies(const Comparison& comparison) {
+    std::string out;
+    for (const StudyReport& study : comparison.studies)
+        out += "\n**" + printable(study.scene) + ", " + study.topic +
+               "** (`nusselt study`, few receivers):\n\n" + to_markdown(study.table);
+    return out;
+}
+
 std::string markdown_tables(const Comparison& comparison) {
     std::string out;
     out += format(
@@ -453,9 +461,6 @@ std::string markdown_tables(const Comparison& comparison) {
                           speedup(entry.peer_all, entry.us).c_str());
         }
     }
-    for (const StudyReport& study : comparison.studies)
-        out += "\n**" + printable(study.scene) + ", " + study.topic +
-               "** (`nusselt study`, few receivers):\n\n" + to_markdown(study.table);
     const auto row = [&](const char* name, const auto& theirs, const auto& ours) {
         out += std::string("| ") + name;
         for (const SceneReport& scene : comparison.scenes) {

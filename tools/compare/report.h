@@ -47,6 +47,8 @@ std::string terminal_table(const Comparison& comparison);
 std::string summary_table(const Comparison& comparison);
 // Tables 1 and 2 of the paper beside ours, and run time against error. For the README.
 std::string markdown_tables(const Comparison& comparison);
+// Glossy, direct light, objects: what tables.md has besides.
+std::string markdown_studies(const Comparison& comparison);
 // `text` with what stands between the markers replaced. Throws Failure (about `path`) where they are missing.
 std::string with_tables(const std::string& text, const std::string& tables, const std::string& path);
 
