@@ -154,7 +154,6 @@ HWY_INLINE void fields_at(const Reflection& r, Parts kind, V x, V y, V z, V out[
 }
 
 constexpr uint32_t most_blocks = mask_blocks(fine_layout);
-constexpr uint32_t column_registers = sh_columns / width;
 
 using Short = hn::CappedTag<int16_t, sh_columns>;
 constexpr Short d16;
