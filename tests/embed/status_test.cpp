@@ -165,7 +165,6 @@ void Statuses::of_executors() {
 void Statuses::of_meshes() {
     MeshId id;
     MeshInfo info;
-    MeshMemory bound;
     provoke(add_mesh(nullptr, mesh_desc, &id), StatusCode::invalid_argument);
     provoke(add_mesh(context, mesh_desc, nullptr), StatusCode::invalid_argument);
     provoke(mesh_info(context, mesh, nullptr), StatusCode::invalid_argument);

@@ -95,11 +95,11 @@ int cli(const uint8_t* data, size_t size) {
     argv.push_back(nullptr);
 #if defined(NUSSELT_PLANT)
     // A name copied into an array that is long enough for all names there are.
-    char name[16];
+    char copy[16];
     if (arguments.size() > 2 && arguments[1] == "render" && arguments[2].size() > 20) {
         volatile size_t length = arguments[2].size();
         for (size_t i = 0; i < length; ++i)
-            static_cast<volatile char*>(name)[i] = arguments[2][i];
+            static_cast<volatile char*>(copy)[i] = arguments[2][i];
     }
 #endif
     // Any word may become the place for results.
