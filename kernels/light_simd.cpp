@@ -133,6 +133,7 @@ HWY_INLINE void respond(const Reflection& r, V x, V y, V z, V out[3]) {
 }
 
 HWY_INLINE void fields_at(const Reflection& r, Parts kind, V x, V y, V z, V out[3]) {
+    out[1] = out[2] = hn::Zero(df); // not all kinds have them
     if (kind == Parts::power) {
         out[0] = phong_lobe(r, x, y, z);
         return;
