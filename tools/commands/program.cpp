@@ -521,7 +521,7 @@ void parse_and_run(int argc, const char* const* argv) {
                                   !render_words.falloff.empty())) {
             throw Failure("--watertight",
                           "only masks of the library are made watertight, and not with quality paper or "
-                          "--falloff; leave --shadows and --falloff out",
+                          "--falloff; leave --shadows and --falloff out and use another quality",
                           exit_usage);
         }
         if (!render_words.falloff.empty()) {

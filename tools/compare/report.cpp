@@ -508,16 +508,18 @@ std::string markdown_tables(const Comparison& comparison) {
                          std::max<double>(e.stats->receivers_computed, 1));
         });
     const auto given = [&](double value) { return value > 0 ? tenth(value) : std::string("-"); };
-    const auto not_built = [](const SceneReport&, const Entry&) { return std::string("-"); };
+    const auto takes_none = [](const SceneReport&, const Entry&) {
+        return std::string("-");
+    }; // quality paper
     row(
-        "the same with their PVS", [&](const PaperRow& p) { return given(p.rasterized_pvs); }, not_built);
+        "the same with their PVS", [&](const PaperRow& p) { return given(p.rasterized_pvs); }, takes_none);
     row(
         "frames a second", [&](const PaperRow& p) { return tenth(p.fps); },
         [&](const SceneReport&, const Entry& e) {
             return whole(e.wall_ms.min > 0 ? 1e3 / e.wall_ms.min : 0);
         });
     row(
-        "the same with their PVS", [&](const PaperRow& p) { return given(p.fps_pvs); }, not_built);
+        "the same with their PVS", [&](const PaperRow& p) { return given(p.fps_pvs); }, takes_none);
     row(
         "mean L2 error, %", [&](const PaperRow& p) { return percent(p.error); },
         [&](const SceneReport&, const Entry& e) { return percent(e.all.each.mean); });

@@ -29,7 +29,7 @@ enum class OutputKind : uint32_t {
 
 enum class OutputFormat : uint32_t {
     float32 = 0, // as computed
-    float16 = 1, // IEEE half floats, rounded to nearest: adds 0.02 % error to a transfer vector at most
+    float16 = 1, // IEEE half floats, rounded to nearest: adds 0.02 % error to a transfer vector in the mean
     // Ambient occlusion as one unorm byte, bent normals as three snorm bytes (within 0.4 degrees), transfer
     // vectors as `unpack_transfer` reads them, 32 bytes for 5 bands: bands 0 and 1 as half floats, then a
     // scale byte for each further band, then a snorm byte a term. Adds 0.1 to 0.2 % error to a transfer

@@ -15,7 +15,7 @@ namespace nusselt {
 //
 // Made with the program (`nusselt pvs`), or by frames with FrameDesc::record. A frame with a set has exactly
 // its meshes, all of one object and with results of one side, and no history and no falloff; its quality is
-// not `paper`.
+// not `paper`. Record watertight frames for watertight frames: others may lack what hides their last samples.
 struct VisibleSet;
 
 struct VisibleSetInfo {
