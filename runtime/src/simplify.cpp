@@ -21,7 +21,12 @@ constexpr double sliver_shape = 0.02;
 constexpr size_t max_reshaped = 64;
 // A vertex of more triangles stays: to try all ways to move the pole of a fan of n, each time one of its
 // neighbours has moved, takes n^3 steps.
-constexpr size_t max_moved = 256;
+constexpr uint32_t max_moved = 256;
+// A call ends after so many steps (Simplifier::steps), and as many for each triangle: what it has reached by
+// then is the result. Levels of real models take 40 for each triangle, 420 at most (one of 114 triangles, the
+// last of a chess-board); 44,000 were seen where 48,000 triangles joined 6,000 random points, and a strip
+// that is eaten up from its end takes the square of its triangles.
+constexpr uint64_t first_steps = 100000, steps_of_a_triangle = 1000;
 
 void add(Quadric& q, const Quadric& r) {
     q.xx += r.xx, q.yy += r.yy, q.zz += r.zz;
@@ -88,9 +93,10 @@ Vec3d at(const Simplifier& s, uint32_t v) {
     return to_double(s.positions[v]);
 }
 
-// The living corners of v into `fan`; dead ones leave the list.
-void gather_fan(Simplifier& s, uint32_t v) {
-    s.fan.clear();
+// Calls run for each living corner of v; dead ones leave the list.
+template<class Run>
+void each_corner(Simplifier& s, uint32_t v, const Run& run) {
+    s.steps += s.fan_size[v];
     uint32_t* link = &s.head[v];
     while (*link != none) {
         const uint32_t c = *link;
@@ -98,9 +104,15 @@ void gather_fan(Simplifier& s, uint32_t v) {
             *link = s.next[c];
             continue;
         }
-        s.fan.push_back(c);
+        run(c);
         link = &s.next[c];
     }
+}
+
+// The living corners of v into `fan`.
+void gather_fan(Simplifier& s, uint32_t v) {
+    s.fan.clear();
+    each_corner(s, v, [&](uint32_t c) { s.fan.push_back(c); });
 }
 
 // The neighbours of v into `ring`, from its fan. Returns the base: mark[u] - base is u's place in the ring.
@@ -124,6 +136,7 @@ uint32_t gather_ring(Simplifier& s) {
         use(s.corners[last_corner(c)]);
     }
     s.stamp += static_cast<uint32_t>(s.ring.size());
+    s.steps += s.ring.size();
     return base;
 }
 
@@ -157,9 +170,9 @@ void enqueue(Simplifier& s, uint32_t v, double cost) {
 
 // The cheapest neighbour of v, whether or not it may go there, into best_cost (-1: none) and best_vertex.
 void find_best(Simplifier& s, uint32_t v) {
-    gather_fan(s, v);
     s.best_cost[v] = -1;
-    if (s.fan.size() > max_moved) return;
+    if (s.fan_size[v] > max_moved) return;
+    gather_fan(s, v);
     gather_ring(s);
     for (const Simplifier::Neighbour& n : s.ring) {
         if (!may_follow(s, v, n)) continue;
@@ -191,42 +204,15 @@ enum class Verdict { refused, reshaping, plain };
 Verdict judge_collapse(Simplifier& s, uint32_t v, uint32_t ring_base,
                        const Simplifier::Neighbour& candidate) {
     const uint32_t u = candidate.vertex;
-    const auto in_ring = [&](uint32_t w) {
-        return s.mark[w] >= ring_base && s.mark[w] - ring_base < s.ring.size();
-    };
-    uint32_t others = 0;
-    for (uint32_t c = s.head[u]; c != none; c = s.next[c]) {
-        const bool other = s.corners[next_corner(c)] != v && s.corners[last_corner(c)] != v;
-        others += s.alive[c / 3] && other;
-    }
+    const uint32_t others = s.fan_size[u] - candidate.uses; // triangles of u alone
     const bool crowded = s.fan.size() + others > max_reshaped;
     if (crowded && (s.pinched[v] || s.pinched[u])) return Verdict::refused;
-    // Link condition: the common neighbours are those across the edge's own triangles.
-    s.common.clear();
-    for (uint32_t c = s.head[u]; c != none; c = s.next[c]) {
-        if (!s.alive[c / 3]) continue;
-        const uint32_t a = s.corners[next_corner(c)], b = s.corners[last_corner(c)];
-        for (const uint32_t w : {a, b}) {
-            if (w == v || !in_ring(w)) continue;
-            if (std::find(s.common.begin(), s.common.end(), w) == s.common.end()) s.common.push_back(w);
-        }
-    }
-    bool reshaping = s.common.size() != candidate.uses || s.pinched[v] || s.pinched[u];
     if (others + s.fan.size() <= candidate.uses) return Verdict::refused; // nothing would be left
-    const auto is_common = [&](uint32_t w) {
-        return std::find(s.common.begin(), s.common.end(), w) != s.common.end();
-    };
+    s.steps += s.fan.size();
     const Vec3d to = at(s, u), from = at(s, v);
     for (const uint32_t c : s.fan) {
         const uint32_t a = s.corners[next_corner(c)], b = s.corners[last_corner(c)];
         if (a == u || b == u) continue;
-        if (is_common(a) && is_common(b)) { // would it lie on another one?
-            for (uint32_t d = s.head[u]; d != none; d = s.next[d]) {
-                if (!s.alive[d / 3]) continue;
-                const uint32_t e = s.corners[next_corner(d)], f = s.corners[last_corner(d)];
-                reshaping |= (e == a && f == b) || (e == b && f == a);
-            }
-        }
         const Vec3d pa = at(s, a), pb = at(s, b), ab = pb - pa;
         const Vec3d before = cross(ab, from - pa), after = cross(ab, to - pa);
         const double before2 = dot(before, before), after2 = dot(after, after), turn = dot(before, after);
@@ -243,20 +229,44 @@ Verdict judge_collapse(Simplifier& s, uint32_t v, uint32_t ring_base,
                 return Verdict::refused;
         }
     }
+    // Link condition: the common neighbours are those across the edge's own triangles.
+    if (++s.common_stamp == 0) {
+        std::fill(s.common_mark.begin(), s.common_mark.end(), 0);
+        s.common_stamp = 1;
+    }
+    uint32_t common = 0;
+    each_corner(s, u, [&](uint32_t c) {
+        for (const uint32_t w : {s.corners[next_corner(c)], s.corners[last_corner(c)]}) {
+            const bool in_ring = s.mark[w] >= ring_base && s.mark[w] - ring_base < s.ring.size();
+            if (w == v || !in_ring || s.common_mark[w] == s.common_stamp) continue;
+            s.common_mark[w] = s.common_stamp;
+            ++common;
+        }
+    });
+    const auto is_common = [&](uint32_t w) { return s.common_mark[w] == s.common_stamp; };
+    bool reshaping = common != candidate.uses || s.pinched[v] || s.pinched[u];
+    for (const uint32_t c : s.fan) {
+        const uint32_t a = s.corners[next_corner(c)], b = s.corners[last_corner(c)];
+        if (reshaping || a == u || b == u || !is_common(a) || !is_common(b)) continue;
+        each_corner(s, u, [&](uint32_t d) { // would it lie on another one?
+            const uint32_t e = s.corners[next_corner(d)], f = s.corners[last_corner(d)];
+            reshaping |= (e == a && f == b) || (e == b && f == a);
+        });
+    }
     if (!reshaping) return Verdict::plain;
     if (crowded) return Verdict::refused;
     for (const uint32_t c : s.fan) { // a third vertex that has no other triangles would go along, unmeasured
         const uint32_t a = s.corners[next_corner(c)], b = s.corners[last_corner(c)];
         if (a != u && b != u) continue;
         const uint32_t w = a == u ? b : a;
-        bool stays = false;
-        for (uint32_t d = s.head[w]; d != none && !stays; d = s.next[d]) {
+        uint32_t with_both = 0;
+        for (const uint32_t d : s.fan) {
             const auto has = [&](uint32_t x) {
                 return s.corners[next_corner(d)] == x || s.corners[last_corner(d)] == x;
             };
-            stays = s.alive[d / 3] && !(has(v) && has(u));
+            with_both += has(u) && has(w);
         }
-        if (!stays) return Verdict::refused;
+        if (s.fan_size[w] == with_both) return Verdict::refused;
     }
     return Verdict::reshaping;
 }
@@ -268,6 +278,7 @@ float move_points(Simplifier& s, const Vec3f* positions, uint32_t v, uint32_t u)
     float worst = 0;
     const Vec3f to = s.positions[u];
     const auto place = [&](uint32_t point) {
+        s.steps += 4 * s.fan.size(); // a distance to a triangle takes about four times as long
         const Vec3f p = positions[point];
         float best = std::numeric_limits<float>::max();
         uint32_t triangle = none;
@@ -280,10 +291,10 @@ float move_points(Simplifier& s, const Vec3f* positions, uint32_t v, uint32_t u)
             if (a != u && b != u) test(c / 3, s.positions[a], s.positions[b]);
         }
         if (triangle == none) { // an ear goes: the rest of u's fan has to stand for it
-            for (uint32_t c = s.head[u]; c != none; c = s.next[c]) {
+            each_corner(s, u, [&](uint32_t c) {
                 const uint32_t a = s.corners[next_corner(c)], b = s.corners[last_corner(c)];
-                if (s.alive[c / 3] && a != v && b != v) test(c / 3, s.positions[a], s.positions[b]);
-            }
+                if (a != v && b != v) test(c / 3, s.positions[a], s.positions[b]);
+            });
         }
         s.moved.push_back({point, triangle});
         worst = std::max(worst, best);
@@ -313,16 +324,20 @@ uint32_t collapse(Simplifier& s, uint32_t v, uint32_t u, bool measure) {
         if (s.corners[next_corner(c)] == u || s.corners[last_corner(c)] == u) {
             s.alive[c / 3] = 0;
             ++gone;
+            --s.fan_size[s.corners[next_corner(c)]];
+            --s.fan_size[s.corners[last_corner(c)]];
         } else {
             s.corners[c] = u;
             s.next[c] = s.head[u];
             s.head[u] = c;
+            ++s.fan_size[u];
         }
     }
     add(s.quadrics[u], s.quadrics[v]);
     s.quadrics[u].root = std::sqrt(s.quadrics[u].weight);
     s.own_cost[u] = evaluate(s.quadrics[u], at(s, u));
     s.head[v] = none;
+    s.fan_size[v] = 0;
     return gone;
 }
 
@@ -365,6 +380,10 @@ void prepare(Simplifier& s, const Vec3f* positions) {
     }
     const uint32_t n = static_cast<uint32_t>(s.vertices.size());
     s.head.assign(n, none);
+    s.fan_size.assign(n, 0);
+    s.common_mark.assign(n, 0);
+    s.common_stamp = 0;
+    s.steps = 0;
     s.own_cost.resize(n);
     s.best_cost.assign(n, -1);
     s.best_vertex.assign(n, none);
@@ -385,6 +404,7 @@ void prepare(Simplifier& s, const Vec3f* positions) {
     for (uint32_t c = 3 * triangle_count; c-- > 0;) {
         s.next[c] = s.head[s.corners[c]];
         s.head[s.corners[c]] = c;
+        ++s.fan_size[s.corners[c]];
     }
     match_edges(s.corners.data(), triangle_count, n, s.matcher, s.mate);
 
@@ -418,10 +438,7 @@ void prepare(Simplifier& s, const Vec3f* positions) {
         s.quadrics[v].root = std::sqrt(s.quadrics[v].weight);
         s.own_cost[v] = evaluate(s.quadrics[v], at(s, v));
         if (s.pinched[v]) continue;
-        uint32_t count = 0;
-        for (uint32_t c = s.head[v]; c != none; c = s.next[c])
-            ++count;
-        if (!one_fan(s, v, count)) s.pinched[v] = 1;
+        if (!one_fan(s, v, s.fan_size[v])) s.pinched[v] = 1;
     }
 }
 
@@ -431,14 +448,16 @@ Simplifier::Simplifier(const Allocator& a, uint32_t welded_vertices)
     : triangles(HostAllocator<uint32_t>(a)), source(HostAllocator<uint32_t>(a)),
       points(HostAllocator<uint32_t>(a)), point_next(welded_vertices, none, HostAllocator<uint32_t>(a)),
       local_of(welded_vertices, none, HostAllocator<uint32_t>(a)), vertices(HostAllocator<uint32_t>(a)),
-      head(HostAllocator<uint32_t>(a)), best_vertex(HostAllocator<uint32_t>(a)),
-      mark(HostAllocator<uint32_t>(a)), pinched(HostAllocator<uint8_t>(a)), border(HostAllocator<uint8_t>(a)),
-      own_cost(HostAllocator<double>(a)), best_cost(HostAllocator<double>(a)),
-      queued_cost(HostAllocator<double>(a)), quadrics(HostAllocator<Quadric>(a)),
-      positions(HostAllocator<Vec3f>(a)), corners(HostAllocator<uint32_t>(a)),
-      next(HostAllocator<uint32_t>(a)), mate(HostAllocator<uint32_t>(a)), alive(HostAllocator<uint8_t>(a)),
-      heap(HostAllocator<HeapEntry>(a)), ring(HostAllocator<Neighbour>(a)), fan(HostAllocator<uint32_t>(a)),
-      common(HostAllocator<uint32_t>(a)), moved(HostAllocator<Moved>(a)), matcher(a) {}
+      head(HostAllocator<uint32_t>(a)), fan_size(HostAllocator<uint32_t>(a)),
+      best_vertex(HostAllocator<uint32_t>(a)), mark(HostAllocator<uint32_t>(a)),
+      common_mark(HostAllocator<uint32_t>(a)), pinched(HostAllocator<uint8_t>(a)),
+      border(HostAllocator<uint8_t>(a)), own_cost(HostAllocator<double>(a)),
+      best_cost(HostAllocator<double>(a)), queued_cost(HostAllocator<double>(a)),
+      quadrics(HostAllocator<Quadric>(a)), positions(HostAllocator<Vec3f>(a)),
+      corners(HostAllocator<uint32_t>(a)), next(HostAllocator<uint32_t>(a)), mate(HostAllocator<uint32_t>(a)),
+      alive(HostAllocator<uint8_t>(a)), heap(HostAllocator<HeapEntry>(a)), ring(HostAllocator<Neighbour>(a)),
+      fan(HostAllocator<uint32_t>(a)), common(HostAllocator<uint32_t>(a)), moved(HostAllocator<Moved>(a)),
+      matcher(a) {}
 
 float simplify(Simplifier& s, const Vec3f* positions, const SimplifyOptions& options) {
     prepare(s, positions);
@@ -451,7 +470,8 @@ float simplify(Simplifier& s, const Vec3f* positions, const SimplifyOptions& opt
     }
     float worst = 0;
     s.dearest = 0;
-    while (left > options.target_triangles && !s.heap.empty()) {
+    const uint64_t most_steps = first_steps + steps_of_a_triangle * s.alive.size();
+    while (left > options.target_triangles && !s.heap.empty() && s.steps < most_steps) {
         const Simplifier::HeapEntry top = s.heap.front();
         if (left < options.enough_triangles && top.cost > options.most_cost) break;
         std::pop_heap(s.heap.begin(), s.heap.end(), later);
@@ -459,14 +479,15 @@ float simplify(Simplifier& s, const Vec3f* positions, const SimplifyOptions& opt
         const uint32_t v = top.vertex;
         if (top.cost != s.queued_cost[v]) continue; // has been queued again since
         s.queued_cost[v] = -1;
+        if (s.fan_size[v] > max_moved) continue; // has grown since
         gather_fan(s, v);
-        if (s.fan.size() > max_moved) continue; // has grown since
         const uint32_t base = gather_ring(s);
         for (Simplifier::Neighbour& n : s.ring) {
             n.cost = may_follow(s, v, n) ? collapse_cost(s, v, n.vertex) : -1;
         }
         // Cheapest valid neighbour. A vertex whose turn has passed meanwhile goes back into the queue.
         for (;;) {
+            s.steps += s.ring.size();
             Simplifier::Neighbour* best = nullptr;
             for (Simplifier::Neighbour& n : s.ring) {
                 if (n.cost < 0) continue;

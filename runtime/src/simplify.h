@@ -41,8 +41,10 @@ struct Simplifier {
 
     // By welded vertex: its local number during a call.
     Vector<uint32_t> local_of;
-    // By local vertex.
-    Vector<uint32_t> vertices, head, best_vertex, mark;
+    // By local vertex. Its corners are a list, dead ones among them until somebody passes; fan_size counts
+    // the living. A vertex whose common_mark is common_stamp is a neighbour of both ends of the edge looked
+    // at.
+    Vector<uint32_t> vertices, head, fan_size, best_vertex, mark, common_mark;
     // As they were when the call began. Pinched: not manifold. What reshaping collapses pinch counts from the
     // next call (the next level) on.
     Vector<uint8_t> pinched, border;
@@ -58,7 +60,8 @@ struct Simplifier {
     Vector<uint32_t> fan, common;
     Vector<Moved> moved;
     EdgeMatcher matcher;
-    uint32_t stamp = 0;
+    uint32_t stamp = 0, common_stamp = 0;
+    uint64_t steps = 0; // of work: how many entries of fans and rings were looked at, for points too
     double dearest = 0; // out: cost of the dearest collapse
 };
 
@@ -70,7 +73,8 @@ struct SimplifyOptions {
     uint32_t enough_triangles = 0;
 };
 
-// Stops at the target, at the limit of cost, or when nothing may collapse any more. Borders collapse along
+// Stops at the target, at the limit of cost, when nothing may collapse any more, or when it has taken so many
+// times an ordinary mesh's steps that what is left is not worth them. Borders collapse along
 // themselves. What changes the surface's shape (a hole or a handle closes, a part becomes flat, or was not
 // manifold there when the call began) costs as much as if all that a vertex stands for moved with it: small
 // holes close early, large ones late. No part goes below two triangles that lie on each other, or one with a

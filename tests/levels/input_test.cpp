@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <ctime>
 #include <new>
 #include <random>
 
@@ -143,6 +145,71 @@ TEST(Input, HubOfManyTriangles) {
     const Built b = build(m);
     EXPECT_EQ(b.info.components, 1u);
     EXPECT_LT(b.data.ring.size(), 16u * n);
+}
+
+// Triangles among random points, around hubs and in strips take some times as long as an ordinary mesh of as
+// many (10 at most measured; a level's steps are bounded, see simplify.cpp).
+TEST(Input, HostileMeshesTakeSomeTimesAnOrdinaryOne) {
+    constexpr uint32_t n = 8000;
+    std::mt19937 random(5);
+    std::uniform_real_distribution<float> unit(-1, 1);
+    const auto any = [&] { return Vec3f{unit(random), unit(random), unit(random)}; };
+    const auto on_circle = [](uint32_t i) {
+        const float a = 6.2831853f * static_cast<float>(i) / static_cast<float>(n);
+        return Vec3f{std::cos(a), std::sin(a), 0};
+    };
+    std::vector<TriangleMesh> meshes;
+    meshes.reserve(8); // they are referred to
+    const auto begin = [&](const char* name) -> TriangleMesh& {
+        meshes.emplace_back();
+        meshes.back().name = name;
+        return meshes.back();
+    };
+    for (const uint32_t points : {100u, 1000u, 4000u, 25000u}) {
+        TriangleMesh& m = begin("triangles among random points");
+        for (uint32_t i = 0; i < points; ++i)
+            m.positions.push_back(any());
+        const auto vertex = [&] { return static_cast<uint32_t>(random() % points); };
+        for (uint32_t i = 0; i < n; ++i)
+            m.triangle(vertex(), vertex(), vertex());
+    }
+    TriangleMesh& fan = begin("a fan");
+    fan.positions.push_back({0, 0, 0.3f});
+    TriangleMesh& book = begin("triangles at one edge");
+    book.positions = {{0, 0, -1}, {0, 0, 1}};
+    TriangleMesh& bow = begin("triangles at one corner");
+    bow.positions.push_back({0, 0, 0});
+    for (uint32_t i = 0; i < n; ++i) {
+        fan.positions.push_back(on_circle(i));
+        fan.triangle(0, i + 1, (i + 1) % n + 1);
+        book.positions.push_back(on_circle(i));
+        book.triangle(0, 1, i + 2);
+        const Vec3f at = any();
+        bow.positions.insert(bow.positions.end(), {at + any() * 0.02f, at + any() * 0.02f});
+        bow.triangle(0, 2 * i + 1, 2 * i + 2);
+    }
+    TriangleMesh& strip = begin("a strip");
+    for (uint32_t i = 0; i < n + 2; ++i) {
+        strip.positions.push_back({1e-4f * static_cast<float>(i), static_cast<float>(i % 2), 0});
+        if (i < n) strip.triangle(i, i + 1, i + 2);
+    }
+    const TriangleMesh ordinary = bumpy_sphere(90, 46);
+    ASSERT_GT(ordinary.indices.size() / 3, size_t(n));
+
+    const auto seconds = [](const TriangleMesh& m) {
+        const std::clock_t start = std::clock(); // CPU time: the machine may be shared
+        const Built b = build(m);
+        return static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
+    };
+    for (const TriangleMesh& m : meshes) {
+        double plain = 1e30, hostile = 1e30;
+        for (int round = 0; round < 3; ++round) {
+            plain = std::min(plain, seconds(ordinary));
+            hostile = std::min(hostile, seconds(m));
+        }
+        std::printf("%s (%zu points): %.1f times\n", m.name.c_str(), m.positions.size(), hostile / plain);
+        EXPECT_LT(hostile, 15 * plain) << m.name;
+    }
 }
 
 // All memory comes from the caller's allocator, goes back to it, and a refusal is a bad_alloc without a leak.
