@@ -16,7 +16,7 @@ TestExecutor::~TestExecutor() {
         const std::lock_guard lock(mutex);
         stopping = true;
     }
-    changed.notify_all();
+    queued.notify_all();
     for (std::thread& thread : pool) {
         thread.join();
     }
@@ -63,7 +63,8 @@ void* TestExecutor::enqueue(void* user, void (*run)(void*), void* argument) {
         run(argument);
         return nullptr;
     }
-    self.changed.notify_all();
+    self.queued.notify_one();
+    if (self.options.finish_helps) self.changed.notify_all();
     self.maybe_sleep(); // the ticket comes back late: the task may have returned by then
     return ticket;
 }
@@ -115,7 +116,7 @@ void TestExecutor::thread_loop() {
         } else if (stopping) {
             return;
         } else {
-            changed.wait(lock);
+            queued.wait(lock);
         }
     }
 }

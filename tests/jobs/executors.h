@@ -58,8 +58,9 @@ private:
 
     ExecutorOptions options;
     std::mutex mutex;
-    std::condition_variable changed;
-    std::deque<Task> tasks; // all of them, so that a ticket stays valid
+    std::condition_variable queued;  // a task came: one thread is enough
+    std::condition_variable changed; // a task returned, or came where `finish` may take it
+    std::deque<Task> tasks;          // all of them, so that a ticket stays valid
     std::vector<Task*> queue;
     std::vector<std::thread> pool;
     std::minstd_rand random{12345};

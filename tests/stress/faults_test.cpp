@@ -6,12 +6,17 @@
 #include "tests/stress/ledger.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <bit>
 #include <chrono>
 #include <cmath>
+#include <condition_variable>
 #include <cstring>
+#include <ctime>
 #include <functional>
+#include <mutex>
+#include <set>
 #include <stdexcept>
 #include <thread>
 
@@ -119,58 +124,98 @@ double percentile(std::vector<double>& values, double part) {
     return values[std::min(values.size() - 1, size_t(part * double(values.size())))];
 }
 
-// Cancels a frame from whichever thread begins its n-th zone, counted from `arm` on.
-struct CancelAtZone {
+double processor_milliseconds(clockid_t clock) {
+    timespec now;
+    clock_gettime(clock, &now);
+    return 1e3 * double(now.tv_sec) + 1e-6 * double(now.tv_nsec);
+}
+
+// The pieces that a frame's threads take up, as a profiler sees them. Cancels the frame from whichever thread
+// begins the n-th, counted from `arm` on.
+struct Pieces {
     Context* context = nullptr;
     FrameId frame;
     std::atomic<int32_t> left = 0; // 1: the next; 0 and below: never
+    std::atomic<bool> asked = false;
+    std::atomic<uint32_t> begun = 0, begun_after = 0; // of them, after `cancel` had returned
+    std::atomic<double> asked_at = 0;                 // processor time of the whole process, ms
+    std::atomic<double> longest = 0;                  // of a piece's own processor time, ms
 
-    void arm(FrameId id, uint32_t zones) {
+    void arm(FrameId id, uint32_t pieces) {
         frame = id;
-        left = int32_t(zones);
+        left = int32_t(pieces);
     }
-    void disarm() { left = 0; }
+    void forget() {
+        left = 0;
+        asked = false;
+        begun = begun_after = 0;
+    }
+    void cancel_now(FrameId id) {
+        const Status status = cancel(context, id);
+        EXPECT_TRUE(status.ok() || status.code == StatusCode::stale_handle);
+        asked_at = processor_milliseconds(CLOCK_PROCESS_CPUTIME_ID);
+        asked = true;
+    }
+    static bool is_piece(const char* zone) { // not the calls from outside
+        return std::strcmp(zone, "nusselt submit") != 0 && std::strcmp(zone, "nusselt wait") != 0 &&
+               std::strcmp(zone, "nusselt add_mesh") != 0;
+    }
+    static double& start_of_piece() {
+        thread_local double start = 0;
+        return start;
+    }
     Profiler hook() {
         return {this,
-                [](void* user, const char*) {
-                    auto& self = *static_cast<CancelAtZone*>(user);
-                    if (self.left > 0 && self.left.fetch_sub(1) == 1) {
-                        const Status status = cancel(self.context, self.frame);
-                        EXPECT_TRUE(status.ok() || status.code == StatusCode::stale_handle);
-                    }
+                [](void* user, const char* zone) {
+                    auto& self = *static_cast<Pieces*>(user);
+                    if (!is_piece(zone)) return;
+                    ++self.begun;
+                    if (self.asked) ++self.begun_after;
+                    if (self.left > 0 && self.left.fetch_sub(1) == 1) self.cancel_now(self.frame);
+                    start_of_piece() = processor_milliseconds(CLOCK_THREAD_CPUTIME_ID);
                 },
-                [](void*, const char*) {}};
+                [](void* user, const char* zone) {
+                    auto& self = *static_cast<Pieces*>(user);
+                    if (!is_piece(zone)) return;
+                    const double took = processor_milliseconds(CLOCK_THREAD_CPUTIME_ID) - start_of_piece();
+                    for (double most = self.longest;
+                         took > most && !self.longest.compare_exchange_weak(most, took);) {
+                    }
+                }};
     }
 };
 
 // J2. A thousand instants, from before the first task to after the last, half of them by the clock of another
 // thread and half by the stages that have begun: a vertex has its whole result or what was there before, the
-// count says which, and the next frame knows nothing of it.
+// count says which, and the next frame knows nothing of it. However busy the machine: once `cancel` has
+// returned no thread begins a piece of work but one that had looked just before, so none begins two; and all
+// threads together take no more processor time than what they had begun.
 TEST(Faults, J2CancelledAtAThousandInstants) {
     const Outputs expected = cold(0.7f);
-    TestExecutor executor({"pool", Order::fifo, 2, 2});
-    CancelAtZone zones;
+    constexpr uint32_t workers = 2, threads = workers + 1; // the one that waits
+    TestExecutor executor({"pool", Order::fifo, workers, workers});
+    Pieces pieces;
     ContextDesc desc = on(executor);
-    desc.profiler = zones.hook();
+    desc.profiler = pieces.hook();
     Engine engine(desc);
-    zones.context = engine.context;
+    pieces.context = engine.context;
     const std::vector<MeshId> ids = small().add_to(engine.context);
     const std::vector<Posed> posed = small().posed(ids, 0.7f);
     std::vector<double> plain;
-    zones.arm({}, 1u << 30);
     for (int i = 0; i < 20; ++i) {
         const auto start = Clock::now();
         ASSERT_EQ(run_frame(engine.context, posed), expected);
         plain.push_back(milliseconds_since(start));
     }
-    const uint32_t zones_of_a_frame = uint32_t((1 << 30) - zones.left) / 20;
-    zones.disarm();
+    const uint32_t pieces_of_a_frame = pieces.begun / 20;
     const double length = percentile(plain, 0.5);
     Random random(stress_seed() + 101);
-    std::vector<double> left;
+    std::vector<double> left, left_processor;
     uint64_t partial = 0, none = 0;
+    uint32_t most_begun = 0;
     for (int i = 0; i < 1000; ++i) {
         Flight flight(engine.context, posed);
+        pieces.forget();
         // Most of them where the frame is under way, from the first thread's start on.
         const auto at = std::chrono::duration<double, std::milli>(random.between(-0.2f, 1) * length);
         ASSERT_TRUE(flight.submit().ok());
@@ -178,20 +223,24 @@ TEST(Faults, J2CancelledAtAThousandInstants) {
         const auto start = Clock::now();
         std::thread other;
         if (i % 2 == 0) {
-            zones.arm(flight.id, 1 + random.below(zones_of_a_frame));
+            pieces.arm(flight.id, 1 + random.below(pieces_of_a_frame));
         } else {
             other = std::thread([&] {
                 while (Clock::now() - start < at)
                     std::this_thread::yield();
-                const Status status = cancel(engine.context, flight.id);
-                EXPECT_TRUE(status.ok() || status.code == StatusCode::stale_handle);
+                pieces.cancel_now(flight.id);
                 asked = milliseconds_since(start);
             });
         }
         FrameStats stats;
         ASSERT_TRUE(wait(engine.context, flight.id, &stats).ok());
         const double returned = milliseconds_since(start);
-        zones.disarm();
+        pieces.left = 0;
+        if (pieces.asked) {
+            left_processor.push_back(processor_milliseconds(CLOCK_PROCESS_CPUTIME_ID) - pieces.asked_at);
+            most_begun = std::max(most_begun, pieces.begun_after.load());
+            ASSERT_LE(pieces.begun_after, threads) << "instant " << i;
+        }
         if (other.joinable()) other.join();
         if (returned > asked) left.push_back(returned - asked);
         const uint32_t written = flight.written(expected);
@@ -210,6 +259,12 @@ TEST(Faults, J2CancelledAtAThousandInstants) {
         figure("J2 from cancel to the return of wait, median", percentile(left, 0.5), "ms");
         figure("J2 from cancel to the return of wait, 99 of 100 below", percentile(left, 0.99), "ms");
     }
+    const double processor = percentile(left_processor, 0.99);
+    figure("J2 processor time of all threads from cancel to the return of wait, 99 of 100 below", processor,
+           "ms");
+    figure("J2 longest piece of such a frame", pieces.longest, "ms");
+    figure("J2 pieces begun after cancel had returned, most", most_begun, "pieces");
+    EXPECT_LE(processor, threads * pieces.longest + 1);
     // No empty experiment, whatever else the machine does.
     EXPECT_GT(partial, 10u);
     EXPECT_GT(none, 10u);
@@ -412,6 +467,63 @@ TEST(Faults, J4FramesInsideThePoolsOwnTasks) {
 }
 
 #if !defined(NUSSELT_SANITIZED)
+// A frame with all that takes the most stack: glossy transfer in three channels and radiance of two
+// materials.
+struct GlossyFrame {
+    Context* context;
+    std::vector<Posed> posed;
+    Material materials[2];
+    std::vector<uint16_t> material_of;
+    Gloss gloss;
+    std::vector<float> glossy, radiance;
+    std::array<float, 75> light{};
+    nusselt::Output streams[2];
+    std::vector<FrameMesh> meshes;
+    FrameDesc desc;
+
+    GlossyFrame(Context* c, const std::vector<MeshId>& ids, Quality quality)
+        : context(c), posed(small().posed(ids, 0.1f)) {
+        const size_t count = posed[0].positions.size();
+        const float red[3] = {0.9f, 0.3f, 0.1f};
+        materials[0] = metallic_roughness(red, 1, 0.3f);
+        materials[1] = metallic_roughness(red, 0, 0.6f);
+        for (size_t v = 0; v < count; ++v)
+            material_of.push_back(uint16_t(v % 2));
+        gloss.eye[0] = gloss.eye[2] = 4;
+        gloss.materials = materials;
+        gloss.material_count = 2;
+        gloss.material_of = material_of.data();
+        glossy.resize(75 * count);
+        radiance.resize(3 * count);
+        light[0] = light[1] = light[2] = light[6] = 1;
+        streams[0].kind = OutputKind::glossy;
+        streams[0].data = glossy.data();
+        streams[1].kind = OutputKind::radiance;
+        streams[1].data = radiance.data();
+        for (nusselt::Output& stream : streams)
+            stream.count = count;
+        meshes = frame_of(posed);
+        meshes[0].outputs = streams;
+        meshes[0].output_count = 2;
+        meshes[0].gloss = &gloss;
+        desc.meshes = meshes.data();
+        desc.mesh_count = uint32_t(meshes.size());
+        desc.quality = quality;
+        desc.light = light.data();
+    }
+    GlossyFrame(const GlossyFrame&) = delete;
+    GlossyFrame& operator=(const GlossyFrame&) = delete;
+
+    void run() {
+        FrameId id;
+        const Status started = nusselt::submit(context, desc, &id);
+        EXPECT_TRUE(started.ok()) << started.text;
+        if (started.ok()) {
+            EXPECT_TRUE(wait(context, id, nullptr).ok());
+        }
+    }
+};
+
 // J5. A host's thread of 64 KB; how much of it a frame takes. Executor `serial`: the tasks run on it.
 TEST(Faults, J5SmallStack) {
     constexpr size_t bytes = 64 << 10;
@@ -453,6 +565,20 @@ TEST(Faults, J5SmallStack) {
         figure(std::string("J5 stack of a frame, quality ") + quality_name(quality), double(used), "bytes");
         EXPECT_LE(used, 16u << 10) << quality_name(quality);
     }
+    // Glossy in three channels keeps three times the fields of a mask at hand: the catalogue's 16 KB are not
+    // enough. Radiance goes along.
+    for (const Quality quality : {Quality::standard, Quality::fine}) {
+        GlossyFrame on_large(engine.context, ids, quality), on_small(engine.context, ids, quality);
+        on_large.run();
+        const size_t used = bytes - used_by([&] { on_small.run(); }) - nothing;
+        EXPECT_EQ(on_small.glossy, on_large.glossy);
+        EXPECT_EQ(on_small.radiance, on_large.radiance);
+        EXPECT_TRUE(std::any_of(on_small.glossy.begin(), on_small.glossy.end(),
+                                [](float t) { return t != 0 && std::isfinite(t); }));
+        figure(std::string("J5 stack of a glossy frame in three channels, quality ") + quality_name(quality),
+               double(used), "bytes");
+        EXPECT_LE(used, 32u << 10) << quality_name(quality);
+    }
     figure("J5 stack of add_mesh", double(adding), "bytes");
     EXPECT_LE(adding, 16u << 10);
     munmap(stack, bytes);
@@ -492,24 +618,61 @@ TEST(Faults, J6SixteenScenesFromEightThreads) {
     figure("J6 frames of sixteen scenes from eight threads", double(frames) * double(scenes), "frames");
 }
 
-// J7, J15. Sixty-four workers on however few cores, eight busy host threads beside them: the same bits.
+// J7. Sixty-four workers on however few cores keep eight tenths of the throughput that as many workers as
+// cores have: the same frames in rounds that take turns, so that whatever else the machine does meets both,
+// and the median of the rounds' ratios. By the clock, the best of five such medians, as another program that
+// starts or ends shifts one; by processor time too, which no other program touches much. And the same bits,
+// with eight busy host threads beside them as well.
 TEST(Faults, J7SixtyFourWorkers) {
-    const Outputs expected = cold(0.9f);
-    const int frames = stress_cases() >= 20000 ? 300 : 40;
-    const auto per_second = [&](uint32_t workers, uint32_t& most) {
-        TestExecutor executor({"pool", Order::fifo, workers, workers});
-        Engine engine(on(executor));
-        const std::vector<Posed> posed = small().posed(small().add_to(engine.context), 0.9f);
-        const auto start = Clock::now();
-        for (int f = 0; f < frames; ++f) {
-            const Outputs out = run_frame(engine.context, posed);
-            EXPECT_EQ(out, expected) << workers << " workers, frame " << f;
-            most = std::max(most, out.stats.threads);
+    const scenes::Mesh ring = scenes::torus(1, 0.4f, 72, 36);
+    const Outputs expected = [&] {
+        Engine engine;
+        return run_at_rest(engine.context, {ring});
+    }();
+    struct Crew {
+        uint32_t workers;
+        TestExecutor executor{{"pool", Order::fifo, workers, workers}};
+        Engine engine{on(executor)};
+        std::vector<Posed> posed = {};
+        double wall = 0, processor = 0;
+        uint32_t most = 0;
+
+        void run(const Outputs& wanted, int frames) {
+            const auto start = Clock::now();
+            const double before = processor_milliseconds(CLOCK_PROCESS_CPUTIME_ID);
+            for (int f = 0; f < frames; ++f) {
+                const Outputs out = run_frame(engine.context, posed);
+                EXPECT_EQ(out, wanted) << workers << " workers, frame " << f;
+                most = std::max(most, out.stats.threads);
+            }
+            wall = milliseconds_since(start);
+            processor = processor_milliseconds(CLOCK_PROCESS_CPUTIME_ID) - before;
         }
-        return frames / milliseconds_since(start) * 1e3;
     };
-    uint32_t few = 0, many = 0, busy = 0;
-    const double two = per_second(2, few), alone = per_second(64, many);
+    Crew few{std::max(2u, std::thread::hardware_concurrency())}, many{64};
+    for (Crew* crew : {&few, &many}) {
+        crew->posed = {at_rest(add(crew->engine.context, ring), ring)};
+        crew->run(expected, 3);
+    }
+    const int rounds = stress_cases() >= 20000 ? 41 : 15;
+    double kept = 0, kept_processor = 0;
+    for (int attempt = 0; attempt < 5 && (kept < 0.8 || kept_processor < 0.8); ++attempt) {
+        std::vector<double> wall, processor;
+        for (int round = 0; round < rounds; ++round) {
+            for (Crew* crew : round % 2 ? std::array{&few, &many} : std::array{&many, &few})
+                crew->run(expected, 4);
+            wall.push_back(few.wall / many.wall);
+            processor.push_back(few.processor / many.processor);
+        }
+        kept = std::max(kept, percentile(wall, 0.5));
+        kept_processor = std::max(kept_processor, percentile(processor, 0.5));
+    }
+    figure("J7 throughput that 64 workers keep, median of rounds", kept, "times");
+    figure("J7 the same by processor time", kept_processor, "times");
+#if !defined(NUSSELT_SANITIZED)
+    EXPECT_GE(kept, 0.8);
+    EXPECT_GE(kept_processor, 0.8);
+#endif
     std::atomic<bool> stop = false;
     std::vector<std::thread> hosts;
     for (int t = 0; t < 8; ++t) {
@@ -518,13 +681,57 @@ TEST(Faults, J7SixtyFourWorkers) {
                 std::this_thread::yield();
         });
     }
-    per_second(64, busy);
+    many.run(expected, 20);
     stop = true;
     for (std::thread& host : hosts)
         host.join();
-    EXPECT_GE(many, 2u);
-    figure("J7 frames a second with 64 workers against 2", alone / two, "times");
-    figure("J7 most threads that took part in a frame", many, "threads");
+    EXPECT_GE(many.most, 2u);
+}
+
+// J15. As many threads as were asked for really take part, however few cores there are: each that begins a
+// piece of the receivers waits in it until all the others have begun one.
+TEST(Faults, J15ThreadsThatReallyTookPart) {
+    struct Meeting {
+        std::mutex mutex;
+        std::condition_variable changed;
+        std::set<std::thread::id> met;
+        size_t wanted = 0;
+        bool given_up = false;
+
+        Profiler hook() {
+            return {this,
+                    [](void* user, const char* zone) {
+                        if (std::strcmp(zone, "nusselt receivers") != 0) return;
+                        Meeting& self = *static_cast<Meeting*>(user);
+                        std::unique_lock lock(self.mutex);
+                        self.met.insert(std::this_thread::get_id());
+                        self.changed.notify_all();
+                        const auto all = [&] { return self.met.size() >= self.wanted || self.given_up; };
+                        if (!self.changed.wait_for(lock, std::chrono::seconds(60), all)) self.given_up = true;
+                    },
+                    [](void*, const char*) {}};
+        }
+    };
+    const scenes::Mesh ring = scenes::torus(1, 0.4f, 72, 36); // 81 pieces
+    const Outputs expected = [&] {
+        Engine engine;
+        return run_at_rest(engine.context, {ring});
+    }();
+    for (const uint32_t wanted : {2u, 8u, 64u}) {
+        Meeting meeting;
+        meeting.wanted = wanted;
+        // The thread that waits is one of them.
+        TestExecutor executor({"pool", Order::fifo, wanted - 1, wanted - 1});
+        ContextDesc desc = on(executor);
+        desc.profiler = meeting.hook();
+        Engine engine(desc);
+        const Outputs out = run_at_rest(engine.context, {ring});
+        EXPECT_EQ(out, expected);
+        EXPECT_FALSE(meeting.given_up);
+        EXPECT_EQ(meeting.met.size(), wanted);
+        EXPECT_EQ(out.stats.threads, wanted);
+        EXPECT_TRUE(meeting.met.count(std::this_thread::get_id()));
+    }
 }
 
 // A thread a task that sleeps before it runs it.

@@ -8,10 +8,10 @@
 #include <atomic>
 #include <bit>
 #include <cfloat>
-#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
+#include <ctime>
 #include <functional>
 #include <limits>
 
@@ -46,7 +46,7 @@ void expect_finite(const Outputs& out) {
 // G1. Two or three equal corners, corners in a line: nothing, whichever way the line runs.
 TEST(Hostile, G1TrianglesWithoutArea) {
     Engine engine;
-    for (uint64_t i = 0; i < stress_cases() / 8; ++i) {
+    for (uint64_t i = 0; i < stress_cases(); ++i) {
         Random random(stress_seed() + i);
         const glm::vec3 a = random.direction() + up, b = random.direction() + up;
         const float k = std::ldexp(1.0f, int(random.below(4)) - 2);
@@ -62,7 +62,7 @@ TEST(Hostile, G1TrianglesWithoutArea) {
 TEST(Hostile, G1Slivers) {
     Engine engine;
     uint64_t bits = 0, most = 0, count = 0;
-    for (uint64_t i = 0; i < stress_cases() / 8; ++i) {
+    for (uint64_t i = 0; i < stress_cases(); ++i) {
         Random random(stress_seed() * 3 + i);
         const glm::vec3 a = random.direction() + up * 1.2f, b = random.direction() + up * 1.2f;
         const float thin = std::pow(10.0f, -random.between(3, 12));
@@ -79,7 +79,7 @@ TEST(Hostile, G1Slivers) {
 // G2. A receiver at a corner of another mesh's triangle: that triangle hides nothing of it.
 TEST(Hostile, G2CornerAtTheReceiver) {
     Engine engine;
-    for (uint64_t i = 0; i < stress_cases() / 8; ++i) {
+    for (uint64_t i = 0; i < stress_cases(); ++i) {
         Random random(stress_seed() * 5 + i);
         const glm::vec3 a = random.direction() + up, b = random.direction() + up;
         ASSERT_EQ(bits_at_origin(engine, soup({glm::vec3(0), a, b})), 0u) << i;
@@ -303,7 +303,7 @@ TEST(Hostile, M11InsideClosedPartsNoSampleIsOpen) {
 TEST(Hostile, G5TangentPlane) {
     Engine engine;
     EXPECT_EQ(bits_at_origin(engine, soup({{1, 0, 0}, {2, 1, 0}, {2, -1, 0}})), 0u);
-    for (uint64_t i = 0; i < stress_cases() / 8; ++i) {
+    for (uint64_t i = 0; i < stress_cases(); ++i) {
         Random random(stress_seed() * 7 + i);
         // A wall of the tangent plane's height: as the part of it above.
         const float x = random.between(0.2f, 2), w = random.between(0.2f, 2), h = random.between(0.5f, 3);
@@ -368,9 +368,9 @@ TEST(Hostile, G8PowersOfTwo) {
     }
 }
 
-double best_ms(Engine& engine, const std::vector<Posed>& frame, Outputs& out) {
+double best_ms(Engine& engine, const std::vector<Posed>& frame, Outputs& out, int rounds = 5) {
     double best = 1e30;
-    for (int i = 0; i < 5; ++i) {
+    for (int i = 0; i < rounds; ++i) {
         out = run_frame(engine.context, frame);
         best = std::min(best, out.stats.cpu_ms);
     }
@@ -378,23 +378,37 @@ double best_ms(Engine& engine, const std::vector<Posed>& frame, Outputs& out) {
 }
 
 // G9. NaN or infinity in any coordinate, on any instruction set: the same finite bits, told in the counters,
-// and no slower.
+// and each in at most one and a half times the clean frame's processor time. The least of rounds that take
+// turns; where it is above, of more rounds, up to 400: what is slow by itself stays so, what another program
+// slowed does not.
 TEST(Hostile, G9NotFinite) {
+#if defined(__SANITIZE_THREAD__)
+    constexpr int rounds = 1; // nothing is timed
+#else
+    constexpr int rounds = 8;
+#endif
     const scenes::Mesh mesh = scenes::torus(1, 0.4f, 24, 12);
-    std::vector<double> times; // against a clean frame timed right before
+    std::vector<double> times;
     std::vector<Outputs> first;
     for (const Isa isa : available_isas()) {
         Engine engine(with_isa(isa));
         const Posed good = at_rest(add(engine.context, mesh), mesh);
-        Outputs out;
+        Outputs out, ignored;
         size_t number = 0;
         for (const float bad : {nan_value, -nan_value, infinite, -infinite}) {
             for (int k = 0; k < 6; ++k) { // positions, normals
                 Posed broken = good;
                 for (size_t v = 0; v < good.positions.size(); v += 97)
                     (k < 3 ? broken.positions : broken.normals)[v][k % 3] = bad;
-                const double clean = best_ms(engine, {good}, out);
-                times.push_back(best_ms(engine, {broken}, out) / clean);
+                double clean_ms = 1e30, broken_ms = 1e30;
+                for (int round = 0; round < (broken_ms <= 1.5 * clean_ms ? rounds : 400); ++round) {
+                    clean_ms = std::min(clean_ms, best_ms(engine, {good}, ignored, 1));
+                    broken_ms = std::min(broken_ms, best_ms(engine, {broken}, out, 1));
+                }
+                times.push_back(broken_ms / clean_ms);
+#if !defined(__SANITIZE_THREAD__)
+                EXPECT_LE(broken_ms, 1.5 * clean_ms) << isa_name(isa) << ", " << bad << " at " << k;
+#endif
                 expect_finite(out);
                 EXPECT_EQ(out.stats.receivers_invalid, (good.positions.size() + 96) / 97);
                 EXPECT_EQ(out.stats.triangles_invalid > 0, k < 3);
@@ -412,7 +426,6 @@ TEST(Hostile, G9NotFinite) {
     figure("G9 frame with numbers that are not finite, against clean, median", times[times.size() / 2],
            "times");
     figure("G9 frame with numbers that are not finite, against clean, slowest", times.back(), "times");
-    EXPECT_LE(times[times.size() / 2], 1.5); // the slowest says more of a shared machine than of the code
 }
 
 // G11. Normals around the poles of the tangent frame: neighbours hide about the same.
@@ -535,7 +548,9 @@ TEST(Hostile, G14NothingIsReadPastTheLastElement) {
     }
 }
 
-// G15. Ribbons, coincident layers and dust cost no more than as many ordinary triangles.
+// G15. Ribbons, coincident layers and dust cost at most 1.2 times what as many ordinary triangles do, in
+// memory and in the least processor time of rounds that take turns (of more of them where it is above, as in
+// G9).
 TEST(Hostile, G15RibbonsLayersDust) {
     Engine engine;
     const uint32_t count = stress_cases() >= 20000 ? 100000 : 2000;
@@ -549,36 +564,38 @@ TEST(Hostile, G15RibbonsLayersDust) {
         }
         return soup(corners);
     };
-    const auto time = [&](const scenes::Mesh& mesh, size_t& bytes) {
+    const scenes::Mesh receivers = [] {
         std::vector<glm::vec3> at, n;
         Random random(9);
         for (int i = 0; i < 160; ++i) {
             at.push_back(random.direction() * 0.5f);
             n.push_back(random.direction());
         }
-        const scenes::Mesh receivers = points(at, n);
-        const auto start = std::chrono::steady_clock::now();
-        Posed blocker = at_rest(add(engine.context, mesh), mesh);
-        const double added = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+        return points(at, n);
+    }();
+    const Posed eyes = at_rest(add(engine.context, receivers), receivers);
+    struct Cost {
+        scenes::Mesh mesh;
+        double bytes = 0, added = 1e30, frame = 1e30; // least times, seconds and ms of processor
+    };
+    const auto measure = [&](Cost& cost) {
+        const std::clock_t start = std::clock();
+        Posed blocker = at_rest(add(engine.context, cost.mesh), cost.mesh);
+        cost.added = std::min(cost.added, double(std::clock() - start) / CLOCKS_PER_SEC);
         blocker.receives = false;
-        const Posed eyes = at_rest(add(engine.context, receivers), receivers);
         MeshInfo info;
         EXPECT_TRUE(mesh_info(engine.context, blocker.mesh, &info).ok());
-        bytes = info.bytes;
+        cost.bytes = double(info.bytes);
         Outputs out;
-        const double frame = best_ms(engine, {eyes, blocker}, out);
+        cost.frame = std::min(cost.frame, best_ms(engine, {eyes, blocker}, out));
         expect_finite(out);
         EXPECT_TRUE(remove_mesh(engine.context, blocker.mesh).ok());
-        EXPECT_TRUE(remove_mesh(engine.context, eyes.mesh).ok());
-        return std::pair(added, frame);
     };
-    size_t plain_bytes = 0;
-    const auto plain = time(make([](Random& r, glm::vec3 c[3]) {
-                                const glm::vec3 centre = r.direction() * r.between(0.6f, 1);
-                                for (int k = 0; k < 3; ++k)
-                                    c[k] = centre + r.direction() * 0.02f;
-                            }),
-                            plain_bytes);
+    Cost plain{make([](Random& r, glm::vec3 c[3]) {
+        const glm::vec3 centre = r.direction() * r.between(0.6f, 1);
+        for (int k = 0; k < 3; ++k)
+            c[k] = centre + r.direction() * 0.02f;
+    })};
     const std::pair<const char*, std::function<void(Random&, glm::vec3[3])>> kinds[] = {
         {"ribbons",
          [](Random& r, glm::vec3 c[3]) {
@@ -596,15 +613,24 @@ TEST(Hostile, G15RibbonsLayersDust) {
                  c[k] = centre + r.direction() * 1e-6f;
          }}};
     for (const auto& [name, kind] : kinds) {
-        size_t bytes = 0;
-        const auto got = time(make(kind), bytes);
+        Cost cost{make(kind)};
+        const auto dear = [&] { return cost.added > 1.2 * plain.added || cost.frame > 1.2 * plain.frame; };
+        for (int round = 0; round < 2 || (dear() && round < 10); ++round) {
+            measure(plain);
+            measure(cost);
+#if defined(__SANITIZE_THREAD__)
+            break; // nothing is timed
+#endif
+        }
         const std::string what = std::string("G15 ") + name + " against plain triangles: ";
-        figure(what + "memory", double(bytes) / double(plain_bytes), "times");
-        figure(what + "time to add", got.first / plain.first, "times");
-        figure(what + "time of a frame", got.second / plain.second, "times");
-        EXPECT_LE(double(bytes), 1.3 * double(plain_bytes));
-        EXPECT_LE(got.first, 4 * plain.first + 0.05);
-        EXPECT_LE(got.second, 4 * plain.second + 0.5);
+        figure(what + "memory", cost.bytes / plain.bytes, "times");
+        figure(what + "time to add", cost.added / plain.added, "times");
+        figure(what + "time of a frame", cost.frame / plain.frame, "times");
+        EXPECT_LE(cost.bytes, 1.2 * plain.bytes);
+#if !defined(__SANITIZE_THREAD__)
+        EXPECT_LE(cost.added, 1.2 * plain.added);
+        EXPECT_LE(cost.frame, 1.2 * plain.frame);
+#endif
     }
 }
 

@@ -262,8 +262,10 @@ TEST_F(Faults, ReadOnlyFolder) {
     EXPECT_TRUE(leftovers().empty());
 }
 
-// From Ctrl-C to the end, wherever it comes. Nothing is left, or the whole result is there. The huge model is
-// seconds in the loader, in one call that adds it and in one frame.
+// From Ctrl-C to the end, wherever it comes: below 100 ms. Nothing is left, or the whole result is there. The
+// huge model is seconds in the loader, in one call that adds it and in one frame. On a machine that does
+// other things a program may wait that long for a processor: where it took longer the same is tried again at
+// the same instant, up to five times. What is slow by itself is slow again.
 TEST_F(Faults, Interrupted) {
     write_grid("huge.obj", 400);
     const std::vector<std::vector<std::string>> commands{
@@ -275,7 +277,8 @@ TEST_F(Faults, Interrupted) {
         {"demo", "--quick", "--out", "out"},
         {"info", "large.obj"},
     };
-    std::vector<double> times;
+    std::vector<double> times; // of each instant, first tries
+    double slowest = 0;        // of each instant, best tries
     for (const auto& command : commands) {
         double whole = 3000;
         if (command[1] != "huge.obj") {
@@ -286,22 +289,31 @@ TEST_F(Faults, Interrupted) {
         fs::remove_all(folder / "out");
         fs::remove_all(folder / "made");
         for (int i = 0; i < many(4); ++i) {
-            const pid_t child = start(command);
-            wait_for_handler(child);
-            std::this_thread::sleep_for(up_to(whole));
-            const auto asked = Clock::now();
-            kill(child, SIGINT);
-            const Outcome outcome = finish(child);
-            const double ms = milliseconds(Clock::now() - asked);
-            if (outcome.code != 0) {
-                expect_told(outcome);
-                EXPECT_FALSE(fs::exists(folder / "out") || fs::exists(folder / "made")) << command[0];
-                times.push_back(ms);
-                if (ms > 100) std::printf("%s: %.0f ms\n", command[0].c_str(), ms);
+            const auto after = up_to(whole);
+            double best = 1e30;
+            for (int attempt = 0; attempt < 5 && best >= 100; ++attempt) {
+                const pid_t child = start(command);
+                wait_for_handler(child);
+                std::this_thread::sleep_for(after);
+                const auto asked = Clock::now();
+                kill(child, SIGINT);
+                const Outcome outcome = finish(child);
+                const double ms = milliseconds(Clock::now() - asked);
+                EXPECT_TRUE(leftovers().empty());
+                if (outcome.code != 0) {
+                    expect_told(outcome);
+                    EXPECT_FALSE(fs::exists(folder / "out") || fs::exists(folder / "made")) << command[0];
+                    if (attempt == 0) times.push_back(ms);
+                    if (ms > 100)
+                        std::printf("%s after %.0f ms: %.0f ms\n", command[0].c_str(), milliseconds(after),
+                                    ms);
+                }
+                fs::remove_all(folder / "out");
+                fs::remove_all(folder / "made");
+                best = std::min(best, outcome.code != 0 ? ms : 0.0); // 0: it had ended before
             }
-            EXPECT_TRUE(leftovers().empty());
-            fs::remove_all(folder / "out");
-            fs::remove_all(folder / "made");
+            EXPECT_LT(best, 100) << command[0] << " after " << milliseconds(after) << " ms, five times";
+            slowest = std::max(slowest, best);
         }
     }
     ASSERT_FALSE(times.empty());
@@ -309,8 +321,7 @@ TEST_F(Faults, Interrupted) {
     test::figure("from SIGINT to the end, median", times[times.size() / 2], "ms");
     test::figure("from SIGINT to the end, three of four below", times[times.size() * 3 / 4], "ms");
     test::figure("from SIGINT to the end, slowest", times.back(), "ms");
-    EXPECT_LT(times[times.size() * 3 / 4], 100);
-    EXPECT_LT(times.back(), 1000); // a machine that does other things, too
+    test::figure("from SIGINT to the end, slowest instant's best of five tries", slowest, "ms");
 }
 
 // Two runs into one folder: what is there in the end is one run's.
