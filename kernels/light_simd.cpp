@@ -91,23 +91,30 @@ HWY_INLINE V phong_lobe(const Reflection& r, V x, V y, V z) {
     return hn::Mul(constant(0.5f * (float(r.exponent) + 2.0f)), power);
 }
 
+// What a GGX lobe has of its view alone: a root and a division less for each direction.
+struct GgxView {
+    float square, rest, peak;
+};
+HWY_INLINE GgxView ggx_view(const Reflection& r) {
+    const hn::CappedTag<float, 1> one;
+    const float square = r.alpha * r.alpha, rest = 1.0f - square;
+    const float inner = square + rest * (r.view[2] * r.view[2]);
+    return {square, rest, square / (r.view[2] + hn::GetLane(hn::Sqrt(hn::Set(one, inner))))};
+}
+
 struct GgxLobe {
     V glitter, edge;
 };
-HWY_INLINE GgxLobe ggx_lobe(const Reflection& r, V x, V y, V z) {
+HWY_INLINE GgxLobe ggx_lobe(const Reflection& r, const GgxView& view, V x, V y, V z) {
     const V vx = constant(r.view[0]), vy = constant(r.view[1]), vz = constant(r.view[2]);
     const V aside = hn::Add(hn::Mul(vx, x), hn::Mul(vy, y)), along = hn::Mul(vz, z);
-    const float square = r.alpha * r.alpha, rest = 1.0f - square;
-    const float view_side =
-        r.view[2] + hn::GetLane(hn::Sqrt(constant(square + rest * (r.view[2] * r.view[2]))));
-    const V two = constant(2.0f);
+    const V two = constant(2.0f), rest = constant(view.rest);
     const V q = hn::Add(two, hn::Mul(two, hn::Add(aside, along)));
     const V s = hn::Add(z, vz);
-    const V a = hn::Sub(q, hn::Mul(hn::Mul(s, s), constant(rest)));
-    const V light_side =
-        hn::Add(z, hn::Sqrt(hn::Add(constant(square), hn::Mul(constant(rest), hn::Mul(z, z)))));
+    const V a = hn::Sub(q, hn::Mul(hn::Mul(s, s), rest));
+    const V light_side = hn::Add(z, hn::Sqrt(hn::Add(constant(view.square), hn::Mul(rest, hn::Mul(z, z)))));
     const V glitter =
-        hn::Div(hn::Mul(constant(square / view_side), hn::Mul(q, q)), hn::Mul(hn::Mul(a, a), light_side));
+        hn::Div(hn::Mul(constant(view.peak), hn::Mul(q, q)), hn::Mul(hn::Mul(a, a), light_side));
     const V t = hn::Sub(constant(1.0f), hn::Mul(constant(0.5f), hn::Sqrt(q)));
     return {glitter, hn::Mul(hn::Mul(hn::Mul(t, t), hn::Mul(t, t)), t)};
 }
@@ -116,7 +123,7 @@ HWY_INLINE V with_fresnel(const GgxLobe& lobe, float specular) {
     return hn::Mul(lobe.glitter, hn::Add(constant(specular), hn::Mul(constant(1.0f - specular), lobe.edge)));
 }
 
-HWY_INLINE void respond(const Reflection& r, V x, V y, V z, V out[3]) {
+HWY_INLINE void respond(const Reflection& r, const GgxView& view, V x, V y, V z, V out[3]) {
     if (r.lobe == Lobe::none) {
         out[0] = out[1] = out[2] = hn::Zero(df);
         return;
@@ -127,30 +134,28 @@ HWY_INLINE void respond(const Reflection& r, V x, V y, V z, V out[3]) {
             out[c] = hn::Mul(constant(r.specular[c]), lobe);
         return;
     }
-    const GgxLobe lobe = ggx_lobe(r, x, y, z);
+    const GgxLobe lobe = ggx_lobe(r, view, x, y, z);
     for (uint32_t c = 0; c < 3; ++c)
         out[c] = hn::Sub(with_fresnel(lobe, r.specular[c]), hn::Mul(constant(r.diffuse[c]), lobe.edge));
 }
 
-HWY_INLINE void fields_at(const Reflection& r, Parts kind, V x, V y, V z, V out[3]) {
-    out[1] = out[2] = hn::Zero(df); // not all kinds have them
-    if (kind == Parts::power) {
+template<Parts kind>
+HWY_INLINE void fields_at(const Reflection& r, const GgxView& view, V x, V y, V z, V out[fields_of(kind)]) {
+    if constexpr (kind == Parts::power) {
         out[0] = phong_lobe(r, x, y, z);
         return;
-    }
-    const GgxLobe lobe = ggx_lobe(r, x, y, z);
-    switch (kind) {
-    case Parts::whole:
-        out[0] = hn::Sub(with_fresnel(lobe, r.specular[0]), hn::Mul(constant(r.diffuse[0]), lobe.edge));
-        break;
-    case Parts::plastic:
-        out[0] = with_fresnel(lobe, r.specular[0]);
-        out[1] = lobe.edge;
-        break;
-    default:
-        out[0] = hn::Mul(lobe.glitter, hn::Sub(constant(1.0f), lobe.edge));
-        out[1] = hn::Mul(lobe.glitter, lobe.edge);
-        out[2] = lobe.edge;
+    } else {
+        const GgxLobe lobe = ggx_lobe(r, view, x, y, z);
+        if constexpr (kind == Parts::whole) {
+            out[0] = hn::Sub(with_fresnel(lobe, r.specular[0]), hn::Mul(constant(r.diffuse[0]), lobe.edge));
+        } else if constexpr (kind == Parts::plastic) {
+            out[0] = with_fresnel(lobe, r.specular[0]);
+            out[1] = lobe.edge;
+        } else {
+            out[0] = hn::Mul(lobe.glitter, hn::Sub(constant(1.0f), lobe.edge));
+            out[1] = hn::Mul(lobe.glitter, lobe.edge);
+            if constexpr (kind == Parts::mixed) out[2] = lobe.edge;
+        }
     }
 }
 
@@ -198,9 +203,10 @@ struct BlockFields {
     uint64_t core[most_blocks / 64], any[most_blocks / 64]; // any: some factor is not zero
 };
 
-template<uint32_t fields>
-HWY_INLINE void find_fields(const CellTables& cells, uint32_t blocks, const Reflection& r, Parts kind,
-                            BlockFields& out) {
+template<Parts kind>
+HWY_INLINE void find_fields(const CellTables& cells, uint32_t blocks, const Reflection& r,
+                            const GgxView& view, BlockFields& out) {
+    constexpr uint32_t fields = fields_of(kind);
     const V vx = constant(r.view[0]), vy = constant(r.view[1]), vz = constant(r.view[2]);
     V largest[fields];
     for (V& v : largest)
@@ -211,8 +217,8 @@ HWY_INLINE void find_fields(const CellTables& cells, uint32_t blocks, const Refl
                 z = load(cells.block_direction[2], first);
         const auto core =
             hn::Gt(hn::Sub(hn::Mul(vz, z), hn::Add(hn::Mul(vx, x), hn::Mul(vy, y))), constant(r.core));
-        V value[3];
-        fields_at(r, kind, x, y, z, value);
+        V value[fields];
+        fields_at<kind>(r, view, x, y, z, value);
         for (uint32_t f = 0; f < fields; ++f) {
             value[f] = hn::IfThenZeroElse(core, value[f]);
             largest[f] = hn::Max(largest[f], hn::Abs(value[f]));
@@ -308,9 +314,11 @@ constexpr hn::RebindToFloat<Sum> as_float;
 using FieldSums = hn::Vec<hn::RebindToFloat<Sum>>[sum_registers];
 
 // Some blocks of the core, bit by bit.
-template<uint32_t fields>
-HWY_INLINE void add_core(const CellTables& cells, const uint8_t* mask, const Reflection& r, Parts kind,
-                         const uint16_t* blocks, uint32_t count, FieldSums sums[fields]) {
+template<Parts kind>
+HWY_INLINE void add_core(const CellTables& cells, const uint8_t* mask, const Reflection& r,
+                         const GgxView& view, const uint16_t* blocks, uint32_t count,
+                         FieldSums sums[fields_of(kind)]) {
+    constexpr uint32_t fields = fields_of(kind);
     alignas(64) float value[fields][core_group][lanes];
     V largest[fields];
     for (V& v : largest)
@@ -320,9 +328,9 @@ HWY_INLINE void add_core(const CellTables& cells, const uint8_t* mask, const Ref
         std::memcpy(&blocked, mask + size_t(2) * blocks[i], 2);
         for (uint32_t k = 0; k < lanes; k += width) {
             const uint32_t bit = blocks[i] * 16u + k;
-            V own[3];
-            fields_at(r, kind, load(cells.bit_direction[0], bit), load(cells.bit_direction[1], bit),
-                      load(cells.bit_direction[2], bit), own);
+            V own[fields];
+            fields_at<kind>(r, view, load(cells.bit_direction[0], bit), load(cells.bit_direction[1], bit),
+                            load(cells.bit_direction[2], bit), own);
             for (uint32_t f = 0; f < fields; ++f) {
                 const V open = hn::IfThenZeroElse(mask_of(uint32_t(blocked) >> k), own[f]);
                 largest[f] = hn::Max(largest[f], hn::Abs(open));
@@ -357,12 +365,14 @@ HWY_INLINE void add_core(const CellTables& cells, const uint8_t* mask, const Ref
     }
 }
 
-template<uint32_t fields>
+template<Parts kind>
 void integrate_lane(const Tables& tables, const CellTables& cells, const uint8_t* mask, const Reflection& r,
-                    Parts kind, float sum[3][sh_columns]) {
+                    float sum[3][sh_columns]) {
+    constexpr uint32_t fields = fields_of(kind);
     const uint32_t blocks = mask_blocks(tables.layout);
+    const GgxView view = ggx_view(r);
     BlockFields at;
-    find_fields<fields>(cells, blocks, r, kind, at);
+    find_fields<kind>(cells, blocks, r, view, at);
     uint64_t full[most_blocks / 64], open[most_blocks / 64], partial[most_blocks / 64];
     uint16_t in_core[most_blocks];
     uint32_t core_count = 0;
@@ -377,7 +387,7 @@ void integrate_lane(const Tables& tables, const CellTables& cells, const uint8_t
             v = hn::Zero(as_float);
     }
     for (uint32_t i = 0; i < core_count; i += core_group)
-        add_core<fields>(cells, mask, r, kind, in_core + i, std::min(core_count - i, core_group), sums);
+        add_core<kind>(cells, mask, r, view, in_core + i, std::min(core_count - i, core_group), sums);
     find_factors<fields>(blocks, at);
     for (uint32_t i = 0; i < blocks / 64; ++i) {
         partial[i] = at.any[i] & ~(open[i] | full[i]);
@@ -398,8 +408,9 @@ void integrate_lane(const Tables& tables, const CellTables& cells, const uint8_t
 void integrate_glossy(const Tables& tables, const CellTables& cells, const uint8_t* masks, uint32_t valid,
                       const Reflection reflections[lanes], uint32_t channels,
                       const float diffuse_local[25][lanes], float local[][25][lanes]) {
-    constexpr decltype(&integrate_lane<1>) by_fields[] = {integrate_lane<1>, integrate_lane<2>,
-                                                          integrate_lane<3>};
+    constexpr decltype(&integrate_lane<Parts::power>) by_kind[] = {
+        integrate_lane<Parts::power>, integrate_lane<Parts::whole>, integrate_lane<Parts::metal>,
+        integrate_lane<Parts::plastic>, integrate_lane<Parts::mixed>};
     alignas(64) float sums[3][25][lanes] = {}; // of fields
     alignas(64) float factors[3][3][lanes] = {}, diffuse[3][lanes];
     uint32_t most_fields = 0;
@@ -410,8 +421,8 @@ void integrate_glossy(const Tables& tables, const CellTables& cells, const uint8
             diffuse[c][lane] = r.diffuse[c];
         if (!(valid >> lane & 1) || parts.fields == 0) continue;
         alignas(64) float sum[3][sh_columns];
-        by_fields[parts.fields - 1](tables, cells, masks + size_t(lane) * mask_bytes(tables.layout), r,
-                                    parts.kind, sum);
+        by_kind[uint32_t(parts.kind)](tables, cells, masks + size_t(lane) * mask_bytes(tables.layout), r,
+                                      sum);
         most_fields = std::max(most_fields, parts.fields);
         for (uint32_t f = 0; f < parts.fields; ++f) {
             for (uint32_t c = 0; c < 3; ++c)
@@ -470,6 +481,7 @@ void integrate_sky(const Tables& tables, const CellTables& cells, const SkyMap& 
         rgb[0][lane] = rgb[1][lane] = rgb[2][lane] = 0;
         if (!(batch.valid >> lane & 1)) continue;
         const uint8_t* mask = masks + size_t(lane) * mask_bytes(tables.layout);
+        const GgxView view = reflections ? ggx_view(reflections[lane]) : GgxView{};
         auto sum0 = hn::Zero(d4), sum1 = sum0, sum2 = sum0, sum3 = sum0;
         for (uint32_t block = 0; block < mask_blocks(tables.layout); ++block) {
             uint16_t blocked;
@@ -490,7 +502,7 @@ void integrate_sky(const Tables& tables, const CellTables& cells, const SkyMap& 
                 if (!reflections) continue;
                 V out[3];
                 alignas(64) float values[3][lanes];
-                respond(reflections[lane], lx, ly, lz, out);
+                respond(reflections[lane], view, lx, ly, lz, out);
                 for (uint32_t c = 0; c < 3; ++c)
                     hn::Store(hn::Mul(load(cells.share, bit),
                                       hn::Add(out[c], constant(reflections[lane].diffuse[c]))),

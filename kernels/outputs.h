@@ -53,9 +53,9 @@ constexpr float open_first = 0.28209479177387814f;
 constexpr float over_open_first = 3.5449077018110318f;
 
 // transfer[term][lane] of the batch's receivers, in the caller's space, to 16 elements of encoded_bytes,
-// `stride` bytes apart; all zero where a lane is not valid. Of radiance and direct light, rows 0 to 2 are the
-// channels.
-using Encode = void (*)(const Encoding& encoding, const Batch& batch, const float transfer[25][lanes],
+// `stride` bytes apart; all zero where a lane is not valid. Of radiance and direct light there are three
+// rows, the channels.
+using Encode = void (*)(const Encoding& encoding, const Batch& batch, const float transfer[][lanes],
                         uint8_t* out, uint32_t stride);
 
 struct OutputKernels {

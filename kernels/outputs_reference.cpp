@@ -109,7 +109,7 @@ void encode_bent_normal(const Encoding& e, const float normal[3], const float tr
     }
 }
 
-void encode(const Encoding& encoding, const Batch& batch, const float transfer[25][lanes], uint8_t* out,
+void encode(const Encoding& encoding, const Batch& batch, const float transfer[][lanes], uint8_t* out,
             uint32_t stride) {
     for (uint32_t lane = 0; lane < lanes; ++lane, out += stride) {
         std::memset(out, 0, encoded_bytes(encoding));

@@ -150,7 +150,7 @@ HWY_INLINE void pack_transfer(uint32_t bands, V* values, Elements elements) {
     }
 }
 
-void encode(const Encoding& encoding, const Batch& batch, const float transfer[25][lanes], uint8_t* out,
+void encode(const Encoding& encoding, const Batch& batch, const float transfer[][lanes], uint8_t* out,
             uint32_t stride) {
     const V zero = hn::Zero(df);
     for (uint32_t lane = 0; lane < lanes; lane += width) {

@@ -17,6 +17,10 @@ enum class Parts : uint32_t {
     mixed    // both of metal, and what they take from the diffuse part
 };
 
+constexpr uint32_t fields_of(Parts kind) {
+    return kind == Parts::mixed ? 3 : kind == Parts::metal || kind == Parts::plastic ? 2 : 1;
+}
+
 struct ReflectionParts {
     Parts kind;
     uint32_t fields;    // 0: no lobe

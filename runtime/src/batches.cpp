@@ -109,17 +109,21 @@ void store_batch(const Frame& frame, const MeshSlice& slice, const uint32_t* rec
     worker.tally.receivers_copied += written - count;
 }
 
-// Encodes `parts` times 25 rows [term][lane] into the stream, one after the other in each element.
-void store_rows(const Frame& frame, const OutputStream& stream, const float rows[][25][lanes], uint32_t parts,
-                const MeshSlice& slice, const uint32_t* receivers, uint32_t count, const Batch& batch,
-                Worker& worker) {
+// Encodes `parts` times 25 rows [term][lane] into the stream, one after the other in each element; only the
+// first `distinct` of them differ.
+void store_rows(const Frame& frame, const OutputStream& stream, const float rows[][lanes], uint32_t parts,
+                uint32_t distinct, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
+                const Batch& batch, Worker& worker) {
     const uint32_t part_size = encoded_bytes(stream.encoding), size = parts * part_size;
-    for (uint32_t part = 0; part < parts; ++part)
-        frame.output_kernels->encode(stream.encoding, batch, rows[part], worker.encoded + part * part_size,
-                                     size);
+    for (uint32_t part = 0; part < distinct; ++part)
+        frame.output_kernels->encode(stream.encoding, batch, rows + 25 * part,
+                                     worker.encoded + part * part_size, size);
     for (uint32_t lane = 0; lane < count; ++lane) {
+        uint8_t* const element = worker.encoded + lane * size;
+        for (uint32_t part = distinct; part < parts; ++part)
+            std::memcpy(element + part * part_size, element, part_size);
         each_vertex(slice, receivers[lane], [&](uint32_t vertex) {
-            std::memcpy(stream.data + vertex * stream.stride, worker.encoded + lane * size, size);
+            std::memcpy(stream.data + vertex * stream.stride, element, size);
         });
     }
 }
@@ -141,6 +145,7 @@ void keep_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receivers,
 // The masks' transfer vectors, turned to the caller's space.
 void finish_batch(const Frame& frame, const MeshSlice& slice, const Batch& batch, Worker& worker,
                   StageClock& clock) {
+    if (slice.masks_alone) return;
     // A product's low bands are made of all bands.
     const bool far = slice.looks_far && worker.far_matrix;
     const uint32_t order = slice.in.output_count > 0 || far ? 5 : frame.order;
@@ -166,32 +171,30 @@ bool repeats(const FrameMesh& mesh, uint32_t duplicate, uint32_t original) {
 
 void store_outputs(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
                    const Batch& batch, Worker& worker) {
-    bool made = false;                // worker.glossy
-    alignas(64) float rgb[25][lanes]; // three rows are used
+    uint32_t channels = 0; // of worker.glossy that differ, once it is made
+    alignas(64) float rgb[3][lanes];
     for (uint32_t k = 0; k < slice.in.output_count; ++k) {
         const OutputStream& stream = frame.outputs[slice.first_output + k];
         const Quantity quantity = stream.encoding.quantity;
-        if (!made && (quantity == Quantity::glossy || quantity == Quantity::radiance)) {
-            make_glossy(frame, slice, receivers, count, batch, worker);
-            made = true;
-        }
-        const auto store = [&](const float rows[][25][lanes], uint32_t parts) {
-            store_rows(frame, stream, rows, parts, slice, receivers, count, batch, worker);
+        if (channels == 0 && (quantity == Quantity::glossy || quantity == Quantity::radiance))
+            channels = make_glossy(frame, slice, receivers, count, batch, worker);
+        const auto store = [&](const float rows[][lanes], uint32_t parts, uint32_t distinct) {
+            store_rows(frame, stream, rows, parts, distinct, slice, receivers, count, batch, worker);
         };
         switch (quantity) {
         case Quantity::glossy:
-            store(worker.glossy, 3);
+            store(worker.glossy[0], 3, channels);
             break;
         case Quantity::radiance:
             frame.light_kernels->shade_batch(frame.light, worker.glossy, rgb);
-            store(&rgb, 1);
+            store(rgb, 1, 1);
             break;
         case Quantity::direct:
             make_direct(frame, slice, receivers, count, batch, worker, rgb);
-            store(&rgb, 1);
+            store(rgb, 1, 1);
             break;
         default:
-            store(&worker.turned, 1);
+            store(worker.turned, 1, 1);
         }
     }
 }

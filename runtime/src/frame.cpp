@@ -360,6 +360,11 @@ void gather_meshes(const Context& context, const FrameDesc& desc, Frame& frame) 
         other.in = turned_over(first[i]);
         other.is_back = true;
     }
+    for (MeshSlice& s : frame.meshes) {
+        const auto from_masks = [&](const Output& output) { return is_from_masks(output.kind, s.in.gloss); };
+        s.masks_alone = !s.in.transfer.data && !frame.has_history &&
+                        std::all_of(s.in.outputs, s.in.outputs + s.in.output_count, from_masks);
+    }
 }
 
 // Which meshes look far, and the table for it. Throws std::bad_alloc.

@@ -48,9 +48,10 @@ struct MeshSlice {
     uint32_t first_output = 0;                       // of in.output_count
     Gloss gloss;                                     // what in.gloss points to
     uint32_t first_vertex = 0;                       // in the history's arrays
-    bool is_back = false;   // of an earlier slice's mesh: its points, no clusters, and normals turned over
-    bool looks_far = false; // far objects are multiplied into its results, not drawn into its masks (far.h)
-    uint32_t body = 0;      // its own number, or that of the slice whose back it is
+    bool is_back = false;     // of an earlier slice's mesh: its points, no clusters, and normals turned over
+    bool looks_far = false;   // far objects are multiplied into its results, not drawn into its masks (far.h)
+    bool masks_alone = false; // all results are made from masks: no transfer vectors of white surfaces
+    uint32_t body = 0;        // its own number, or that of the slice whose back it is
 };
 
 inline bool receives(const FrameMesh& mesh) {

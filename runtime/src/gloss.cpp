@@ -82,6 +82,11 @@ Reflection reflection_of(const Material& m, float sharpest) {
     return r;
 }
 
+// Whether a part of it doesn't depend on the view.
+bool is_diffuse(const Reflection& r) {
+    return r.diffuse[0] > 0 || r.diffuse[1] > 0 || r.diffuse[2] > 0;
+}
+
 // The receivers' materials and views; returns whether all are grey.
 bool reflect(const Frame& frame, const Gloss& gloss, const uint32_t* receivers, uint32_t count,
              const Batch& batch, Reflection reflections[lanes]) {
@@ -135,19 +140,25 @@ Status check_gloss(const Gloss& gloss) {
     return {};
 }
 
-void make_glossy(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
-                 const Batch& batch, Worker& worker) {
+uint32_t make_glossy(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
+                     const Batch& batch, Worker& worker) {
     const auto copy = [](const float from[25][lanes], float to[25][lanes]) {
         std::copy(&from[0][0], &from[0][0] + 25 * lanes, &to[0][0]);
     };
     if (!slice.in.gloss) {
         for (auto& channel : worker.glossy)
             copy(worker.turned, channel);
-        return;
+        return 1;
     }
     Reflection reflections[lanes];
     const bool all_grey = reflect(frame, *slice.in.gloss, receivers, count, batch, reflections);
     const uint32_t channels = all_grey ? 1 : 3;
+    if (slice.masks_alone && std::any_of(reflections, reflections + lanes, is_diffuse)) {
+        frame.kernels->integrate(*frame.tables, worker.masks.data(), batch.valid, frame.quality.paper, 5,
+                                 worker.local, worker.tally.counters);
+    } else if (slice.masks_alone) {
+        std::fill_n(&worker.local[0][0], 25 * lanes, 0.0f);
+    }
     alignas(64) float local[3][25][lanes];
     frame.light_kernels->integrate_glossy(*frame.tables, *frame.cells, worker.masks.data(), batch.valid,
                                           reflections, channels, worker.local, local);
@@ -155,6 +166,7 @@ void make_glossy(const Frame& frame, const MeshSlice& slice, const uint32_t* rec
         frame.kernels->rotate(batch, 5, local[c], worker.glossy[c]);
     for (uint32_t c = channels; c < 3; ++c)
         copy(worker.glossy[0], worker.glossy[c]);
+    return channels;
 }
 
 void make_direct(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,

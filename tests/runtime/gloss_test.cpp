@@ -24,7 +24,7 @@ struct Result {
 
 // The first mesh receives, all block.
 Result run(Context* context, const std::vector<Posed>& meshes, const Gloss* gloss,
-           const float* light = nullptr, Quality quality = Quality::standard) {
+           const float* light = nullptr, Quality quality = Quality::standard, float* transfer = nullptr) {
     const size_t count = meshes[0].positions.size();
     Result r;
     r.glossy.resize(count);
@@ -46,6 +46,7 @@ Result run(Context* context, const std::vector<Posed>& meshes, const Gloss* glos
     frame[0].outputs = streams.data();
     frame[0].output_count = uint32_t(streams.size());
     frame[0].gloss = gloss;
+    if (transfer) frame[0].transfer = {transfer, count, 100};
     FrameDesc desc;
     desc.meshes = frame.data();
     desc.mesh_count = uint32_t(frame.size());
@@ -189,6 +190,37 @@ TEST(Gloss, RadianceIsTheDotProduct) {
             ASSERT_EQ(r.radiance[v][c], sum);
             ASSERT_EQ(lambert.radiance[v][c], shaded[3 * v + size_t(c)]);
         }
+    }
+}
+
+// Alone, white surfaces' transfer vectors are made only as far as a material has use for them.
+TEST(Gloss, AloneAsBesideTransferVectors) {
+    Engine engine;
+    const scenes::Scene scene = scenes::builtin("chess");
+    const std::vector<Posed> meshes = posed(scene, add_all(engine.context, scene), 0.4);
+    const size_t count = meshes[0].positions.size();
+    float light[75];
+    Random random(7);
+    for (float& c : light)
+        c = random.between(-0.2f, 1);
+    const float gold[3] = {1, 0.77f, 0.34f}, grey[3] = {0.6f, 0.6f, 0.6f};
+    const Material metal[2] = {metallic_roughness(gold, 1, 0.4f), metallic_roughness(grey, 1, 0.6f)};
+    const Material mixed[2] = {metallic_roughness(gold, 1, 0.3f), metallic_roughness(gold, 0, 0.5f)};
+    const Material plain[2] = {metallic_roughness(grey, 0, 0.5f), phong(30, 0.5f, 0.5f)};
+    std::vector<uint16_t> numbers(count); // of some batches one, of others both
+    for (size_t v = 0; v < count; ++v)
+        numbers[v] = uint16_t(v / 40 % 2);
+    for (const Material* materials : {metal, mixed, plain}) {
+        Gloss gloss = seen_from({0, 5, 5}, materials[0]);
+        gloss.material_count = 2;
+        gloss.material_of = numbers.data();
+        std::vector<float> transfer(25 * count);
+        const Result alone = run(engine.context, meshes, &gloss, light);
+        const Result beside = run(engine.context, meshes, &gloss, light, Quality::standard, transfer.data());
+        ASSERT_TRUE(alone.status.ok() && beside.status.ok());
+        EXPECT_EQ(alone.glossy, beside.glossy);
+        EXPECT_EQ(alone.radiance, beside.radiance);
+        EXPECT_GT(alone.glossy[0][0], 0);
     }
 }
 

@@ -27,7 +27,7 @@ Vec3View view(const std::vector<glm::vec3>& vectors) {
 BackSide part_of(size_t first, size_t count, size_t words, std::vector<float>& transfer,
                  std::vector<uint32_t>* masks, std::vector<StreamArray>& streams, Output* outputs) {
     BackSide side;
-    side.transfer = {transfer.data() + first * 25, count, 100};
+    if (!transfer.empty()) side.transfer = {transfer.data() + first * 25, count, 100};
     if (masks) side.masks = {masks->data() + first * words, count, words * 4};
     side.outputs = outputs;
     side.output_count = static_cast<uint32_t>(streams.size());
@@ -231,7 +231,7 @@ FrameStats Engine::frame(const scenes::Pose& pose, Quality quality, std::vector<
         vertices += positions.size();
     const size_t words = quality_mask_bits(quality) / 32;
     const auto grow = [&](std::vector<float>& t, std::vector<uint32_t>* m, std::vector<StreamArray>& s) {
-        t.resize(vertices * 25);
+        t.resize(streams_alone_ ? 0 : vertices * 25);
         if (m) m->resize(vertices * words);
         for (StreamArray& stream : s)
             stream.bytes.resize(vertices * stream.element());

@@ -55,6 +55,9 @@ public:
     FrameStats frame(const scenes::Pose& pose, Quality quality, std::vector<float>& transfer,
                      std::vector<uint32_t>* masks = nullptr, std::vector<StreamArray>* streams = nullptr);
 
+    // The frames that follow leave transfer vectors out and make the streams alone.
+    void make_streams_alone(bool alone) { streams_alone_ = alone; }
+
     // The frames that follow fill these too, masks where they do. They stay with the caller.
     void see_backs(TwoSided which, BackArrays* backs);
 
@@ -110,7 +113,7 @@ private:
     std::vector<float> light_;
     Environment* environment_ = nullptr;
     Falloff falloff_;
-    bool watertight_ = false;
+    bool watertight_ = false, streams_alone_ = false;
     enum class VisibleRole { none, recorded, used };
     VisibleSet* visible_ = nullptr;
     VisibleRole visible_role_ = VisibleRole::none;

@@ -131,6 +131,7 @@ void run_render(const RenderOptions& options) {
             options.show == Show::bent_normal ? OutputKind::bent_normal : OutputKind::ambient_occlusion;
     }
 
+    engine.make_streams_alone(!shown.empty());
     const bool two_sided = has_backs(choice.scene, options.two_sided);
     BackArrays backs;
     backs.streams = shown;

@@ -72,7 +72,8 @@ GlossyError error_of(const StreamArray& stream, const std::vector<float>& refere
 Study study_glossy(const Subject& subject, const StudyOptions& options) {
     Study study;
     Table& table = study.table;
-    table.columns = {"material", "over diffuse", "coloured", "error", "p99", "beyond 25 terms"};
+    table.columns = {"material", "instead of diffuse", "coloured", "beside it", "coloured, beside", "error",
+                     "p99",      "beyond 25 terms"};
     const Assembly all = assemble(subject.scene, subject.pose);
     const TraceScene traced = make_trace_scene(all);
     Framing framing = make_framing(subject.scene.view_direction, 32, 960, 720);
@@ -93,13 +94,16 @@ Study study_glossy(const Subject& subject, const StudyOptions& options) {
         Reflectance reflectance = c.reflectance;
         const Palette white = make_palette(with_albedo(subject.scene, glm::vec3(1)), reflectance);
         const Palette gold = make_palette(with_albedo(subject.scene, {1, 0.77f, 0.34f}), reflectance);
-        const auto cpu = [&](const Palette& palette, std::vector<StreamArray>& streams) {
+        const auto cpu = [&](const Palette& palette, std::vector<StreamArray>& streams, bool alone) {
             engine.look(palette, eye, light);
+            engine.make_streams_alone(alone);
             return engine.frame(subject.pose, options.quality, transfer, nullptr, &streams).cpu_ms;
         };
         const std::vector<double> times = measure_in_turns(
-            options.quick ? 3 : 15, {[&] { return cpu(white, none); }, [&] { return cpu(gold, glossy); },
-                                     [&] { return cpu(white, glossy); }});
+            options.quick ? 5 : 15,
+            {[&] { return cpu(white, none, false); }, [&] { return cpu(white, glossy, true); },
+             [&] { return cpu(gold, glossy, true); }, [&] { return cpu(gold, glossy, false); },
+             [&] { return cpu(white, glossy, false); }});
         std::vector<uint16_t> numbers;
         for (const std::vector<uint16_t>& mesh : white.material_of)
             numbers.insert(numbers.end(), mesh.begin(), mesh.end());
@@ -109,10 +113,13 @@ Study study_glossy(const Subject& subject, const StudyOptions& options) {
         const GlossyError error = error_of(
             glossy[0], trace_glossy(traced, all, white.materials, numbers, eye, receivers, trace), receivers);
         throw_if_interrupted();
-        char grey_ratio[32], ratio[32];
-        std::snprintf(grey_ratio, sizeof grey_ratio, "%.2f x", times[2] / times[0]);
-        std::snprintf(ratio, sizeof ratio, "%.2f x", times[1] / times[0]);
-        table.rows.push_back({c.name, grey_ratio, ratio, percent(error.mean), percent(error.p99),
+        const auto ratio = [&](size_t way) {
+            char text[32];
+            std::snprintf(text, sizeof text, "%.2f x", times[way] / times[0]);
+            return std::string(text);
+        };
+        table.rows.push_back({c.name, ratio(1), ratio(2), ratio(4), ratio(3), percent(error.mean),
+                              percent(error.p99),
                               percent(static_cast<double>(lobe_beyond_bands(white.materials[0])))});
         options.progress(++done / std::size(cases));
     }
