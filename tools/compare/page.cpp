@@ -344,7 +344,7 @@ const sized = (title, x, label, y, unit) => {
 sized("Cost of a frame against vertices", "vertices", "vertices", e => e.frame_ms.min, "ms a frame");
 sized("Cost of a vertex against triangles", "triangles", "triangles", e => e.us_per_vertex.min, "CPU microseconds a vertex");
 
-const topics = { glossy: "Glossy surfaces: processor time over diffuse transfer, grey and coloured; error against rays",
+const topics = { glossy: "Glossy surfaces: processor time over diffuse transfer, instead of it and beside it; error against rays",
   direct: "Direct light beside 25 terms: processor time over transfer alone; error of the radiance against rays into the light itself",
   objects: "Many objects: processor time over the sum of their times alone; error of all, as one object, and each alone" };
 for (const study of report.studies) {
