@@ -410,6 +410,7 @@ void set_up(Context& context, const FrameDesc& desc, Frame& frame) {
     lay_out(frame);
     frame.far_table = far_table_of(context, desc.quality, frame);
     grow(frame);
+    if (desc.record) begin_recording(desc);
     if (!frame.has_history) return;
     meet_history(frame, desc);
     for (MeshSlice& s : frame.meshes) {

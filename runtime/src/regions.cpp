@@ -99,7 +99,7 @@ uint32_t to_compute(const Frame& frame, const Region& region, uint32_t number, u
 void find_rows(const Frame& frame, const Region& region, uint32_t number, const uint8_t* places,
                uint32_t count, const VisibleSet& set, uint32_t rows[lanes]) {
     const MeshSlice& slice = region.slice;
-    const VisibleRows& own = set.meshes[static_cast<size_t>(&slice - frame.meshes.data())];
+    const VisibleRows& own = set.meshes[slice.body];
     const uint32_t region_row = region.originals ? own.first_own_row : own.first_row;
     const uint32_t first = number - (region.originals ? slice.first_own_region : slice.first_region);
     for (uint32_t i = 0; i < count; ++i)

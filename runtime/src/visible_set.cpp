@@ -11,15 +11,19 @@ namespace nusselt {
 
 namespace {
 
-constexpr uint32_t format_version = 1;
+constexpr uint32_t format_version = 2;
 constexpr char magic[8] = {'N', 'U', 'S', 'S', 'P', 'V', 'S', '\n'};
 constexpr uint64_t most_pairs = uint64_t(1) << 33;
 static_assert(std::endian::native == std::endian::little, "the file is written as memory holds it");
 
-// The file: this, an identity a mesh, the bits, and the checksum of all before it.
+// The file: this, an entry a mesh, the bits, and the checksum of all before it.
 struct Header {
     char magic[8];
     uint32_t version, quality, meshes, segments, rows, clusters;
+    uint32_t recorded, watertight; // 0 or 1
+};
+struct MeshEntry {
+    uint64_t identity, has_back; // 0 or 1
 };
 
 constexpr uint64_t hash_seed = 0xCBF29CE484222325u;
@@ -66,7 +70,7 @@ Status lay_out(Context& context, const MeshId* meshes, uint32_t mesh_count, Visi
                     "context's"};
         const MeshData& mesh = *slot->data;
         set.meshes[m] = {mesh.identity, static_cast<uint32_t>(rows),
-                         static_cast<uint32_t>(rows) + batches_of(mesh.receivers)};
+                         static_cast<uint32_t>(rows) + batches_of(mesh.receivers), false};
         rows += batches_of(mesh.receivers) + batches_of(mesh.duplicates);
         clusters += mesh.clusters.count();
     }
@@ -87,7 +91,8 @@ size_t bits_of(const VisibleSet& set) {
 }
 
 size_t bytes_of(const VisibleSet& set) {
-    return sizeof(Header) + sizeof(uint64_t) * (set.meshes.size() + 1) + sizeof(uint32_t) * bits_of(set);
+    return sizeof(Header) + sizeof(MeshEntry) * set.meshes.size() + sizeof(uint64_t) +
+           sizeof(uint32_t) * bits_of(set);
 }
 
 // What is wrong with a file before its meshes are looked at.
@@ -106,18 +111,21 @@ Status check_file(const void* data, size_t size, Header& header) {
     if (sum != hash_words(data, (size - sizeof(sum)) / 4, hash_seed))
         return bad("set not read: it is cut short or damaged, its checksum is another; make it anew with "
                    "`nusselt pvs`");
+    if (header.recorded > 1 || header.watertight > header.recorded)
+        return bad(
+            "set not read: what it says of its frames contradicts itself; make it anew with `nusselt pvs`");
     return check_shape(header.meshes, static_cast<Quality>(header.quality), header.segments);
 }
 
 // A set's shape and meshes against the file's.
-Status check_meshes(const VisibleSet& set, const Header& header, const char* identities, size_t size) {
+Status check_meshes(const VisibleSet& set, const Header& header, const char* entries, size_t size) {
     const auto bad = [](const char* text) { return Status{StatusCode::invalid_argument, text}; };
-    if (size < sizeof(Header) + sizeof(uint64_t) * (set.meshes.size() + 1))
+    if (size < sizeof(Header) + sizeof(MeshEntry) * set.meshes.size() + sizeof(uint64_t))
         return bad("set not read: it is smaller than it says; make it anew with `nusselt pvs`");
     for (size_t m = 0; m < set.meshes.size(); ++m) {
-        uint64_t identity;
-        std::memcpy(&identity, identities + m * sizeof(identity), sizeof(identity));
-        if (identity != set.meshes[m].identity)
+        MeshEntry entry;
+        std::memcpy(&entry, entries + m * sizeof(entry), sizeof(entry));
+        if (entry.identity != set.meshes[m].identity || entry.has_back > header.recorded)
             return bad("set not read: it was made of other meshes, or by a version of the library that makes "
                        "other levels of detail; make it anew with `nusselt pvs`");
     }
@@ -195,8 +203,16 @@ Status visible_set_info(const VisibleSet* set, VisibleSetInfo* out) {
     for (const uint32_t word : set->bits)
         kept += static_cast<uint64_t>(std::popcount(word));
     const double pairs = double(set->segments) * set->rows * set->clusters;
-    *out = {set->quality, static_cast<uint32_t>(set->meshes.size()), set->segments, set->clusters,
-            set->rows,    pairs > 0 ? double(kept) / pairs : 0};
+    *out = {};
+    out->quality = set->quality;
+    out->meshes = static_cast<uint32_t>(set->meshes.size());
+    out->segments = set->segments;
+    out->clusters = set->clusters;
+    out->batches = set->rows;
+    out->kept = pairs > 0 ? double(kept) / pairs : 0;
+    out->backs = static_cast<uint32_t>(std::count_if(set->meshes.begin(), set->meshes.end(),
+                                                     [](const VisibleRows& mesh) { return mesh.has_back; }));
+    out->watertight = set->watertight;
     return {};
 }
 
@@ -218,12 +234,15 @@ Status write_visible_set(const VisibleSet* set, void* data, size_t size) {
     header.segments = set->segments;
     header.rows = set->rows;
     header.clusters = set->clusters;
+    header.recorded = set->recorded;
+    header.watertight = set->watertight;
     char* at = static_cast<char*>(data);
     std::memcpy(at, &header, sizeof(header));
     at += sizeof(header);
     for (const VisibleRows& mesh : set->meshes) {
-        std::memcpy(at, &mesh.identity, sizeof(mesh.identity));
-        at += sizeof(mesh.identity);
+        const MeshEntry entry{mesh.identity, mesh.has_back};
+        std::memcpy(at, &entry, sizeof(entry));
+        at += sizeof(entry);
     }
     if (!set->bits.empty()) std::memcpy(at, set->bits.data(), set->bits.size() * sizeof(uint32_t));
     const uint64_t sum = hash_words(data, (size - sizeof(uint64_t)) / 4, hash_seed);
@@ -243,13 +262,22 @@ Status read_visible_set(Context* context, const MeshId* meshes, uint32_t mesh_co
     if (!context || !meshes)
         return {StatusCode::invalid_argument,
                 "set not read: the context or the meshes are null; make them first"};
-    const char* const identities = static_cast<const char*>(data) + sizeof(Header);
-    const auto fits = [&](const VisibleSet& set) { return check_meshes(set, header, identities, size); };
+    const char* const entries = static_cast<const char*>(data) + sizeof(Header);
+    const auto fits = [&](const VisibleSet& set) { return check_meshes(set, header, entries, size); };
     const Status status = make_set(*context, meshes, mesh_count, static_cast<Quality>(header.quality),
                                    header.segments, fits, out);
-    if (status.ok() && !(*out)->bits.empty())
-        std::memcpy((*out)->bits.data(), identities + sizeof(uint64_t) * mesh_count,
-                    (*out)->bits.size() * sizeof(uint32_t));
+    if (!status.ok()) return status;
+    VisibleSet& set = **out;
+    set.recorded = header.recorded != 0;
+    set.watertight = header.watertight != 0;
+    for (uint32_t m = 0; m < mesh_count; ++m) {
+        MeshEntry entry;
+        std::memcpy(&entry, entries + m * sizeof(entry), sizeof(entry));
+        set.meshes[m].has_back = entry.has_back != 0;
+    }
+    if (!set.bits.empty())
+        std::memcpy(set.bits.data(), entries + sizeof(MeshEntry) * mesh_count,
+                    set.bits.size() * sizeof(uint32_t));
     return status;
 }
 
@@ -268,20 +296,42 @@ Status check_visible_set(const FrameDesc& desc) {
                    "one of them");
     for (uint32_t m = 0; m < desc.mesh_count; ++m) {
         const FrameMesh& mesh = desc.meshes[m];
-        if (mesh.receive_only || mesh.object != desc.meshes[0].object || receives(mesh.back))
-            return bad("no frame started: a visible set is of one object whose meshes all block and have "
-                       "one side; put others into a frame of their own");
+        if (mesh.receive_only || mesh.object != desc.meshes[0].object)
+            return bad("no frame started: a visible set is of one object whose meshes all block; put others "
+                       "into a frame of their own");
     }
     return {};
 }
 
 Status check_visible_meshes(const FrameDesc& desc, uint32_t m, const MeshData& mesh) {
+    const auto bad = [](const char* text) { return Status{StatusCode::invalid_argument, text}; };
     const VisibleSet* set = desc.visible ? desc.visible : desc.record;
-    if (!set || (desc.mesh_count == set->meshes.size() && set->meshes[m].identity == mesh.identity))
-        return {};
-    return {StatusCode::invalid_argument,
-            "no frame started: the visible set is of other meshes; give the frame all of its meshes, in "
-            "their order, and no others"};
+    if (!set) return {};
+    if (desc.mesh_count != set->meshes.size() || set->meshes[m].identity != mesh.identity)
+        return bad("no frame started: the visible set is of other meshes; give the frame all of its meshes, "
+                   "in their order, and no others");
+    const bool has_back = receives(desc.meshes[m].back), knows_back = set->meshes[m].has_back;
+    if (desc.record) {
+        if (set->recorded && (has_back != knows_back || desc.watertight != set->watertight))
+            return bad("no frame started: the set has recorded frames with other sides, or watertight ones "
+                       "beside others; record all frames alike");
+    } else if (has_back && !knows_back) {
+        return bad("no frame started: the visible set was recorded without a mesh's back, where shadows "
+                   "would be missing; record frames with it (`nusselt pvs --two-sided`), or leave the back "
+                   "out (`--two-sided off`)");
+    } else if (desc.watertight && !set->watertight) {
+        return bad("no frame started: the visible set was not recorded of watertight frames, whose last "
+                   "samples it doesn't know; record such frames (`nusselt pvs --watertight`)");
+    }
+    return {};
+}
+
+void begin_recording(const FrameDesc& desc) {
+    VisibleSet& set = *desc.record;
+    set.recorded = true;
+    set.watertight = desc.watertight;
+    for (uint32_t m = 0; m < desc.mesh_count; ++m)
+        set.meshes[m].has_back = receives(desc.meshes[m].back);
 }
 
 uint32_t keep_visible(const Frame& frame, const uint32_t* rows, uint32_t count, uint32_t candidates,
@@ -303,8 +353,7 @@ uint32_t keep_visible(const Frame& frame, const uint32_t* rows, uint32_t count, 
 void record_visible(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t cluster,
                     uint32_t valid, Worker& worker) {
     const size_t bytes = kernels::mask_bytes(frame.tables->layout);
-    const uint32_t own =
-        frame.record->meshes[static_cast<size_t>(&slice - frame.meshes.data())].first_own_row;
+    const uint32_t own = frame.record->meshes[slice.body].first_own_row;
     // Duplicates of one row may have originals in several regions. Bits are only set: in any order the same.
     const auto note = [&](uint32_t row) {
         uint32_t& word = visible_row(*frame.record, frame.visible_segment, row)[cluster / 32];

@@ -6,10 +6,12 @@
 
 namespace nusselt {
 
-// Of one mesh as receiver: its batches are those of its receivers, then those of its duplicates.
+// Of one mesh as receiver: its batches are those of its receivers, then those of its duplicates. Both sides
+// of a vertex share a row.
 struct VisibleRows {
     uint64_t identity; // of the mesh
     uint32_t first_row, first_own_row;
+    bool has_back; // recorded frames had results of both sides
 };
 
 struct VisibleSet {
@@ -19,6 +21,7 @@ struct VisibleSet {
     Quality quality = Quality::standard;
     uint32_t segments = 0, rows = 0, clusters = 0;
     uint32_t words = 0; // of a row: one bit a cluster, in the order of a frame of these meshes
+    bool recorded = false, watertight = false; // by some frame; recorded frames were watertight
     Vector<VisibleRows> meshes;
     Vector<uint32_t> bits; // by segment, then by batch
 };
@@ -36,6 +39,9 @@ uint64_t mesh_identity(const MeshData& mesh);
 // What does not fit of a frame and the set that it reads or records; of its m-th mesh.
 Status check_visible_set(const FrameDesc& desc);
 Status check_visible_meshes(const FrameDesc& desc, uint32_t m, const MeshData& mesh);
+
+// A set takes the kind of its first recorded frame, which all others must be of; the context's guard is held.
+void begin_recording(const FrameDesc& desc);
 
 // Of worker.candidates those that ever matter to receivers of these rows, to worker.visible; returns how
 // many.

@@ -430,19 +430,22 @@ void Statuses::of_visible_sets() {
     ASSERT_TRUE(create_visible_set(context, &mesh, 1, Quality::standard, 1, &set).ok());
     provoke(visible_set_info(nullptr, &info), bad);
 
-    // Header of 32 bytes (magic, version, quality, meshes, segments, rows, clusters), identities, bits,
-    // checksum.
+    // Header of 40 bytes (magic, version, quality, meshes, segments, rows, clusters, recorded, watertight),
+    // an identity and whether it has a back for each mesh, bits, checksum.
     std::vector<uint32_t> file(visible_set_bytes(set) / 4);
     provoke(write_visible_set(set, nullptr, 4 * file.size()), bad);
     provoke(write_visible_set(set, file.data(), 4 * file.size() - 4), bad);
     ASSERT_TRUE(write_visible_set(set, file.data(), 4 * file.size()).ok());
+    const auto seal = [](std::vector<uint32_t>& words) {
+        uint64_t sum = 0xCBF29CE484222325u;
+        for (size_t i = 0; i + 2 < words.size(); ++i)
+            sum = (sum ^ words[i]) * 0x100000001B3u;
+        std::memcpy(&words[words.size() - 2], &sum, 8);
+    };
     const auto refuse_file = [&](const auto& change, bool sealed) {
         std::vector<uint32_t> other = file;
         change(other);
-        uint64_t sum = 0xCBF29CE484222325u;
-        for (size_t i = 0; i + 2 < other.size(); ++i)
-            sum = (sum ^ other[i]) * 0x100000001B3u;
-        if (sealed) std::memcpy(&other[other.size() - 2], &sum, 8);
+        if (sealed) seal(other);
         provoke(read_visible_set(context, &mesh, 1, other.data(), 4 * other.size(), &none), bad);
         EXPECT_EQ(none, nullptr);
     };
@@ -451,10 +454,11 @@ void Statuses::of_visible_sets() {
     refuse_file([](File& f) { f[0] = 0; }, true);
     refuse_file([](File& f) { f[2] = 99; }, true);
     refuse_file([](File& f) { f[10] ^= 1; }, false);
-    refuse_file([](File& f) { f[8] ^= 1; }, true);
+    refuse_file([](File& f) { f[10] ^= 1; }, true);
+    refuse_file([](File& f) { f[9] = 1; }, true);
     refuse_file([](File& f) { f[4] = 2; }, true);
     refuse_file([](File& f) { f[5] = 2; }, true);
-    refuse_file([](File& f) { f.erase(f.begin() + 8, f.end() - 2); }, true);
+    refuse_file([](File& f) { f.erase(f.begin() + 10, f.end() - 2); }, true);
     provoke(read_visible_set(context, &mesh, 1, file.data(), 4 * file.size() - 1, &none), bad);
     provoke(read_visible_set(context, &mesh, 1, file.data(), 4 * file.size(), nullptr), bad);
     provoke(read_visible_set(nullptr, &mesh, 1, file.data(), 4 * file.size(), &none), bad);
@@ -476,6 +480,23 @@ void Statuses::of_visible_sets() {
         d.visible = set;
         m.receive_only = 1;
     });
+    refuse_frame([&](FrameDesc& d, FrameMesh& m) {
+        d.visible = set;
+        m.back.transfer = use.transfer;
+    });
+    refuse_frame([&](FrameDesc& d, FrameMesh&) {
+        d.visible = set;
+        d.watertight = true;
+    });
+    file[8] = 1; // recorded
+    seal(file);
+    VisibleSet* recorded = nullptr;
+    ASSERT_TRUE(read_visible_set(context, &mesh, 1, file.data(), 4 * file.size(), &recorded).ok());
+    refuse_frame([&](FrameDesc& d, FrameMesh&) {
+        d.record = recorded;
+        d.watertight = true;
+    });
+    destroy_visible_set(context, recorded);
     MeshDesc larger = mesh_desc;
     const uint32_t twice[6] = {0, 1, 2, 0, 2, 1};
     larger.indices = twice;

@@ -113,6 +113,81 @@ TEST(VisibleSet, HoldsForReceiversNotForBatches) {
     EXPECT_EQ(with(engine.context, {frame}, set, Quality::standard, 0), run_frame(engine.context, {frame}));
 }
 
+// What matters to either side, for frames of both and of one.
+TEST(VisibleSet, HoldsForBothSides) {
+    Engine engine;
+    const scenes::Scene scene = scenes::builtin("cloth");
+    const std::vector<MeshId> meshes = add_all(engine.context, scene);
+    const auto pose = [&](double part, bool front, bool back) {
+        std::vector<Posed> frame = posed(scene, meshes, scene.duration * part);
+        frame[0].receives = front;
+        frame[0].back_receives = back;
+        return frame;
+    };
+    const Set made(engine.context, meshes, Quality::standard, 1);
+    for (const double part : {0.2, 0.7})
+        EXPECT_EQ(recorded(engine.context, pose(part, true, true), made, Quality::standard, 0),
+                  run_frame(engine.context, pose(part, true, true)));
+    const Set read(engine.context, meshes, made.file());
+    ASSERT_TRUE(read.status.ok()) << read.status.text;
+    EXPECT_EQ(read.info().backs, 1u);
+    EXPECT_FALSE(read.info().watertight);
+    for (const double part : {0.2, 0.7}) {
+        for (const auto& [front, back] : {std::pair{true, true}, {true, false}, {false, true}}) {
+            const Outputs plain = run_frame(engine.context, pose(part, front, back)),
+                          ours = with(engine.context, pose(part, front, back), read, Quality::standard, 0);
+            EXPECT_EQ(ours, plain) << part << front << back;
+            EXPECT_LT(ours.stats.triangles_considered, plain.stats.triangles_considered);
+        }
+    }
+}
+
+// All of a set's frames are of one kind, which a file keeps.
+TEST(VisibleSet, KnowsWhatWasRecorded) {
+    Engine engine;
+    const scenes::Mesh ball = scenes::sphere(2);
+    const std::vector<MeshId> meshes{add(engine.context, ball)};
+    std::vector<Posed> both{at_rest(meshes[0], ball)}, front = both;
+    both[0].back_receives = true;
+    const auto submitted = [&](const std::vector<Posed>& posed, const Set& set, bool record, bool tight) {
+        std::vector<std::array<float, 25>> out(2 * ball.rest_positions.size());
+        std::vector<FrameMesh> frame = frame_of(posed);
+        frame[0].transfer = {out[0].data(), ball.rest_positions.size(), 100};
+        if (posed[0].back_receives)
+            frame[0].back.transfer = {out[ball.rest_positions.size()].data(), ball.rest_positions.size(),
+                                      100};
+        FrameDesc desc;
+        desc.meshes = frame.data();
+        desc.mesh_count = 1;
+        desc.watertight = tight;
+        desc.record = record ? set.set : nullptr;
+        desc.visible = record ? nullptr : set.set;
+        FrameId id;
+        const Status status = submit(engine.context, desc, &id);
+        return status.ok() ? wait(engine.context, id, nullptr).ok() : false;
+    };
+    for (const bool tight : {false, true}) {
+        const Set set(engine.context, meshes, Quality::standard, 1);
+        EXPECT_TRUE(submitted(both, set, true, tight));
+        EXPECT_TRUE(submitted(both, set, true, tight));
+        EXPECT_FALSE(submitted(front, set, true, tight));
+        EXPECT_FALSE(submitted(both, set, true, !tight));
+        const Set read(engine.context, meshes, set.file());
+        ASSERT_TRUE(read.status.ok());
+        EXPECT_EQ(read.file(), set.file());
+        EXPECT_EQ(read.info().watertight, tight);
+        for (const bool wanted : {false, true}) {
+            EXPECT_EQ(submitted(both, read, false, wanted), tight || !wanted);
+            EXPECT_EQ(submitted(front, read, false, wanted), tight || !wanted);
+        }
+        EXPECT_FALSE(submitted(both, read, true, !tight));
+    }
+    const Set alone(engine.context, meshes, Quality::standard, 1);
+    EXPECT_TRUE(submitted(front, alone, true, false));
+    EXPECT_FALSE(submitted(both, alone, false, false));
+    EXPECT_TRUE(submitted(front, alone, false, false));
+}
+
 TEST(VisibleSet, AnEmptyOneHidesWithFansAlone) {
     Engine engine;
     const scenes::Mesh ball = scenes::sphere(2), room = scenes::sphere(3, 4);
@@ -204,7 +279,8 @@ TEST(VisibleSet, RefusesFramesOfOtherMeshes) {
     refuse([](FrameDesc&, FrameMesh* m) { std::swap(m[0], m[1]); }, "other meshes");
     refuse([](FrameDesc&, FrameMesh* m) { m[1].object = 1; }, "one object");
     refuse([](FrameDesc&, FrameMesh* m) { m[1].receive_only = 1; }, "all block");
-    refuse([](FrameDesc&, FrameMesh* m) { m[0].back.transfer = m[0].transfer; }, "one side");
+    refuse([](FrameDesc&, FrameMesh* m) { m[0].back.transfer = m[0].transfer; }, "without a mesh's back");
+    refuse([](FrameDesc& d, FrameMesh*) { d.watertight = true; }, "watertight");
     refuse([&](FrameDesc& d, FrameMesh*) { d.history = history; }, "history");
     refuse([](FrameDesc& d, FrameMesh*) { d.falloff = {1, 2}; }, "falloff");
     refuse([&](FrameDesc& d, FrameMesh*) { d.record = set.set; }, "one of the two");

@@ -438,6 +438,20 @@ TEST_F(Program, VisibleSetsOfAClip) {
     expect_failure(1, "transfer slide.gltf --out out --pvs box.obj",
                    {"box.obj", "no potentially visible set"});
     expect_failure(1, "transfer slide.gltf --out out --pvs missing.pvs", {"missing.pvs"});
+    // A leaf's backs are recorded too, unless told otherwise.
+    ASSERT_NE(run("pvs leaf.gltf --out leaf.pvs --frames 2").out.find("both sides"), std::string::npos);
+    const std::string leaf = "render leaf.gltf --size 64x48 --time 0.5 --out ";
+    ASSERT_EQ(run(leaf + "leaf").code, 0);
+    ASSERT_EQ(run(leaf + "leaf_with --pvs leaf.pvs").code, 0);
+    EXPECT_EQ(contents(folder / "leaf" / "frame_0000.png"),
+              contents(folder / "leaf_with" / "frame_0000.png"));
+    ASSERT_EQ(run(leaf + "one_side --pvs leaf.pvs --two-sided off").code, 0);
+    ASSERT_EQ(run("transfer leaf.gltf --out both --time 0.5 --two-sided model --pvs leaf.pvs").code, 0);
+    expect_failure(1, leaf + "out --pvs leaf.pvs --watertight", {"leaf.gltf", "--watertight"});
+    ASSERT_EQ(run("pvs leaf.gltf --out front.pvs --frames 2 --two-sided off").code, 0);
+    expect_failure(1, leaf + "out --pvs front.pvs", {"leaf.gltf", "--two-sided off"});
+    ASSERT_EQ(run("pvs leaf.gltf --out tight.pvs --frames 2 --watertight").code, 0);
+    ASSERT_EQ(run(leaf + "tight --pvs tight.pvs --watertight").code, 0);
     const std::string whole = contents(folder / "slide.pvs");
     std::ofstream(folder / "cut.pvs", std::ios::binary) << whole.substr(0, whole.size() / 2);
     expect_failure(1, "transfer slide.gltf --out out --pvs cut.pvs", {"cut.pvs", "cut short"});

@@ -44,6 +44,10 @@ BackSide part_of(size_t first, size_t count, size_t words, std::vector<float>& t
     return side;
 }
 
+bool has_bits(const std::vector<uint32_t>& bits) {
+    return std::any_of(bits.begin(), bits.end(), [](uint32_t word) { return word != 0; });
+}
+
 } // namespace
 
 Quality parse_quality(const std::string& name) {
@@ -216,12 +220,12 @@ void Engine::surround(const Image& environment, Quality quality) {
     check(create_environment(context_, desc, &environment_));
 }
 
-void Engine::see_backs(TwoSided which, BackArrays* backs) {
+void Engine::see_backs(TwoSided which, BackArrays* backs, bool whole) {
     backs_ = which == TwoSided::off ? nullptr : backs;
     turned_ = two_sided_;
-    if (which != TwoSided::all) return;
-    for (std::vector<uint32_t>& bits : turned_)
-        bits.assign(bits.size(), ~uint32_t{0});
+    for (std::vector<uint32_t>& bits : turned_) {
+        if (which == TwoSided::all || (whole && has_bits(bits))) bits.assign(bits.size(), ~uint32_t{0});
+    }
 }
 
 FrameStats Engine::frame(const scenes::Pose& pose, Quality quality, std::vector<float>& transfer,
@@ -258,7 +262,7 @@ FrameStats Engine::frame(const scenes::Pose& pose, Quality quality, std::vector<
         frame_[m].outputs = front.outputs;
         frame_[m].output_count = front.output_count;
         frame_[m].back = {};
-        if (backs_) {
+        if (backs_ && has_bits(turned_[m])) {
             frame_[m].back = part_of(first, count, words, backs.transfer, back_masks, backs.streams, outputs);
             frame_[m].back.needed = turned_[m].data();
             outputs += backs.streams.size();

@@ -59,7 +59,8 @@ public:
     void make_streams_alone(bool alone) { streams_alone_ = alone; }
 
     // The frames that follow fill these too, masks where they do. They stay with the caller.
-    void see_backs(TwoSided which, BackArrays* backs);
+    // `whole`: of each mesh that has any, those of all vertices.
+    void see_backs(TwoSided which, BackArrays* backs, bool whole = false);
 
     // Materials, viewer and light of the frames that follow, for streams that depend on them. `palette` is of
     // the engine's scene and stays with the caller.

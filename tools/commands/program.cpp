@@ -305,6 +305,7 @@ void parse_and_run(int argc, const char* const* argv) {
 
     PvsOptions pvs;
     Words pvs_words;
+    pvs_words.two_sided = "model";
     CLI::App* pvs_command = app.add_subcommand(
         "pvs", "potentially visible sets of a clip: the blockers that ever matter, as a file for its frames");
     pvs_command->add_option("model", pvs.model, "glTF or GLB file with an animation")
@@ -322,6 +323,13 @@ void parse_and_run(int argc, const char* const* argv) {
                      "equal parts of the clip with a set each: smaller sets, a larger file")
         ->type_name("N")
         ->capture_default_str();
+    pvs_command
+        ->add_option("--two-sided", pvs_words.two_sided,
+                     "record the backs of meshes too: off, model (of those that have a doubleSided "
+                     "material), all")
+        ->type_name("WHICH")
+        ->capture_default_str();
+    pvs_command->add_flag("--watertight", pvs.watertight, "record watertight frames, for such frames");
     add_engine(*pvs_command, pvs_words);
 
     RenderOptions render;
@@ -481,6 +489,7 @@ void parse_and_run(int argc, const char* const* argv) {
                           exit_usage);
         at_least_one("--frames", pvs.frames, most_frames);
         at_least_one("--segments", pvs.segments, most_segments);
+        pvs.two_sided = parse_two_sided(pvs_words.two_sided);
         run_pvs(pvs);
     } else if (study_command->parsed()) {
         study.engine = parse_engine(*study_command, study_words);

@@ -26,19 +26,29 @@ struct Trial {
     double error = 0, worst = 0; // of transfer vectors that see at least 1 %, mean and largest
 };
 
-void try_pose(Engine& engine, const scenes::Pose& pose, Quality quality, Trial& trial) {
-    std::vector<float> all, set;
-    std::vector<uint32_t> masks_all, masks_set;
+// Both sides' results, one after the other.
+struct Sides {
+    std::vector<float> transfer;
+    std::vector<uint32_t> masks;
+};
+Sides frame_of(Engine& engine, const scenes::Pose& pose, Quality quality, BackArrays& backs, double& ms,
+               uint64_t& triangles) {
+    Sides sides;
+    const FrameStats stats = engine.frame(pose, quality, sides.transfer, &sides.masks);
+    sides.transfer.insert(sides.transfer.end(), backs.transfer.begin(), backs.transfer.end());
+    sides.masks.insert(sides.masks.end(), backs.masks.begin(), backs.masks.end());
+    ms += stats.cpu_ms;
+    triangles += stats.triangles_considered;
+    return sides;
+}
+
+void try_pose(Engine& engine, const scenes::Pose& pose, Quality quality, BackArrays& backs, Trial& trial) {
     engine.use_visible(false);
-    FrameStats stats = engine.frame(pose, quality, all, &masks_all);
-    trial.ms_all += stats.cpu_ms;
-    trial.triangles_all += stats.triangles_considered;
+    const Sides all = frame_of(engine, pose, quality, backs, trial.ms_all, trial.triangles_all);
     engine.use_visible(true);
-    stats = engine.frame(pose, quality, set, &masks_set);
-    trial.ms_set += stats.cpu_ms;
-    trial.triangles_set += stats.triangles_considered;
-    trial.masks_changed += masks_all != masks_set;
-    const TransferError error = transfer_error(set, all);
+    const Sides set = frame_of(engine, pose, quality, backs, trial.ms_set, trial.triangles_set);
+    trial.masks_changed += all.masks != set.masks;
+    const TransferError error = transfer_error(set.transfer, all.transfer);
     trial.error += error.mean;
     trial.worst = std::max(trial.worst, error.max);
     ++trial.frames;
@@ -78,6 +88,9 @@ void run_pvs(const PvsOptions& options) {
         return options.frames > 1 ? duration * frame / (options.frames - 1) : 0.0;
     };
     Engine engine(choice.scene, options.engine, options.model);
+    BackArrays backs;
+    if (has_backs(choice.scene, options.two_sided)) engine.see_backs(options.two_sided, &backs, true);
+    if (options.watertight) engine.make_watertight();
     engine.record_visible(options.quality, options.segments);
     scenes::Pose pose;
     std::vector<float> transfer;
@@ -106,7 +119,7 @@ void run_pvs(const PvsOptions& options) {
         const auto try_at = [&](double time, Trial& trial) {
             choice.scene.pose(time, pose);
             engine.choose_segment(segment_at(time, duration, options.segments));
-            try_pose(engine, pose, options.quality, trial);
+            try_pose(engine, pose, options.quality, backs, trial);
         };
         try_at(moment(frame), recorded);
         if (options.frames > 1) try_at(moment(frame + 0.5), between);
@@ -114,8 +127,9 @@ void run_pvs(const PvsOptions& options) {
     throw_if_interrupted();
     write_file(options.out, bytes);
     const VisibleSetInfo info = engine.visible_info();
-    std::printf("%s: %u frames, %u segment%s, %zu bytes, %.1f %% of the clusters matter to a batch\n",
+    std::printf("%s: %u frames, %u segment%s, %s%s, %zu bytes, %.1f %% of the clusters matter to a batch\n",
                 printable(options.out).c_str(), options.frames, info.segments, info.segments == 1 ? "" : "s",
+                info.backs > 0 ? "both sides" : "one side", info.watertight ? ", watertight" : "",
                 bytes.size(), 100 * info.kept);
     tell_trial("recorded frames", recorded);
     if (between.frames > 0) tell_trial("between them", between);

@@ -11,6 +11,8 @@ struct PvsOptions {
     std::string model, out, clip;
     uint32_t frames = 60, segments = 1;
     Quality quality = Quality::standard;
+    TwoSided two_sided = TwoSided::model; // whose backs are recorded, of whole meshes
+    bool watertight = false;
     EngineOptions engine;
 };
 void run_pvs(const PvsOptions& options);

@@ -14,17 +14,21 @@ namespace nusselt {
 // missing.
 //
 // Made with the program (`nusselt pvs`), or by frames with FrameDesc::record. A frame with a set has exactly
-// its meshes, all of one object and with results of one side, and no history and no falloff; its quality is
-// not `paper`. Record watertight frames for watertight frames: others may lack what hides their last samples.
+// its meshes, all of one object, and no history and no falloff; its quality is not `paper`. Recorded frames
+// are all of one kind, that of the first, which the set knows: the meshes with results of both sides, and
+// whether masks are watertight. It serves frames with fewer backs and without `watertight` too; others are
+// refused. Record all receivers that later frames need (FrameMesh::needed), or all.
 struct VisibleSet;
 
 struct VisibleSetInfo {
     Quality quality = Quality::standard;
     uint32_t meshes = 0;
     uint32_t segments = 0;
-    uint32_t clusters = 0; // of all levels of all meshes
-    uint32_t batches = 0;  // of 16 receivers, or fewer at the end of a mesh
-    double kept = 0;       // of the pairs of a batch and a cluster in a segment, the part that matters
+    uint32_t clusters = 0;   // of all levels of all meshes
+    uint32_t batches = 0;    // of 16 receivers, or fewer at the end of a mesh
+    double kept = 0;         // of the pairs of a batch and a cluster in a segment, the part that matters
+    uint32_t backs = 0;      // meshes that were recorded with both sides
+    bool watertight = false; // recorded of such frames
 };
 
 constexpr uint32_t most_segments = 4096;
