@@ -134,6 +134,15 @@ void count_crossings(const Rays& rays, const ClusterView& cluster, const float* 
             const auto bound = [&](uint32_t array) { return cluster.bounds[array * slots + t]; };
             if (!ray_meets(rays, lane, bound(4), bound(5), bound(6), bound(7))) continue;
             const float height = bound(0) * ox + bound(1) * oy + bound(2) * oz - bound(3);
+            const float* d = rays.direction;
+            const float slope = bound(0) * d[0] + bound(1) * d[1] + bound(2) * d[2];
+            if (slope == 0 || (height * slope > 0 && std::fabs(slope) > crossing_slope)) continue;
+            if (std::fabs(slope) > meeting_slope) {
+                const float away = height / slope, reach = bound(7) * 1.0001f + 2e-5f;
+                const float x = ox - away * d[0] - bound(4), y = oy - away * d[1] - bound(5),
+                            z = oz - away * d[2] - bound(6);
+                if (x * x + y * y + z * z > reach * reach) continue;
+            }
             winding[lane] += crossing(rays, lane, cluster, points, t, height);
         }
     }

@@ -103,6 +103,11 @@ inline bool in_band(const ClusterView& cluster, uint32_t triangle, const Vec cor
 
 // A triangle whose plane passes a ray's origin no farther off than this is not crossed by it.
 constexpr float crossing_margin = 4e-6f;
+// A plane lies behind a ray's origin where its height and the cosine of ray and normal say so, unless the ray
+// runs so nearly along it that rounding may decide.
+constexpr float crossing_slope = 1e-4f;
+// From this cosine on it is asked how far from the triangle's middle the ray meets the plane.
+constexpr float meeting_slope = 0.01f;
 
 // 1 where the lane's ray leaves through the triangle, -1 where it enters, else 0. `height`: of the origin
 // over the triangle's plane.

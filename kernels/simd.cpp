@@ -413,6 +413,29 @@ HWY_INLINE M ray_meets(const Rays& rays, V x, V y, V z, V radius) {
                    hn::Le(hn::Add(hn::Mul(u, u), hn::Mul(v, v)), hn::Mul(reach, reach)));
 }
 
+// Of triangles by their planes and spheres: those that a ray may cross in front of its origin.
+template<uint32_t axis, class Load>
+HWY_INLINE M ray_may_cross(const Rays& rays, V ox, V oy, V oz, V height, const Load& load) {
+    const V dx = constant(rays.direction[0]), dy = constant(rays.direction[1]),
+            dz = constant(rays.direction[2]);
+    V slope;
+    if constexpr (axis < 3) {
+        slope = hn::Mul(load(axis), constant(rays.direction[axis])); // the same sum, but for zeros' signs
+    } else {
+        slope = dot(load(0), load(1), load(2), dx, dy, dz);
+    }
+    const V steep = hn::Abs(slope), away = hn::Div(height, slope);
+    const M behind =
+        hn::And(hn::Gt(hn::Mul(height, slope), hn::Zero(df)), hn::Gt(steep, constant(crossing_slope)));
+    const V x = hn::Sub(hn::Sub(ox, hn::Mul(away, dx)), load(4)),
+            y = hn::Sub(hn::Sub(oy, hn::Mul(away, dy)), load(5)),
+            z = hn::Sub(hn::Sub(oz, hn::Mul(away, dz)), load(6));
+    const V reach = hn::Add(hn::Mul(load(7), constant(1.0001f)), constant(2e-5f));
+    const M beside =
+        hn::And(hn::Gt(dot(x, y, z, x, y, z), hn::Mul(reach, reach)), hn::Gt(steep, constant(meeting_slope)));
+    return hn::Not(hn::Or(hn::Or(behind, beside), hn::Eq(slope, hn::Zero(df))));
+}
+
 // Lanes are rays for the cluster's sphere, then triangles for each ray that meets it: of a receiver's own
 // surroundings, where all rays start, each ray meets but a few triangles.
 template<uint32_t axis>
@@ -438,8 +461,9 @@ void count_crossings_of(const Rays& rays, const ClusterView& cluster, const floa
             const V height = hn::Sub(dot(load(0), load(1), load(2), ox, oy, oz), load(3));
             const M near = ray_meets<axis>(rays, hn::Sub(load(4), ox), hn::Sub(load(5), oy),
                                            hn::Sub(load(6), oz), load(7));
-            uint32_t left = bits_of(hn::And(near, hn::Gt(hn::Abs(height), margin)));
-            if (!left) continue;
+            const M off = hn::And(near, hn::Gt(hn::Abs(height), margin));
+            if (!bits_of(off)) continue;
+            uint32_t left = bits_of(hn::And(off, ray_may_cross<axis>(rays, ox, oy, oz, height, load)));
             alignas(64) float heights[width];
             hn::Store(height, df, heights);
             for (; left; left &= left - 1) {

@@ -238,8 +238,8 @@ void shadow_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receiver
     k.run_jobs(tables, jobs, worker.masks.data());
     clock.lap(raster_stage);
 
-    if (folded) fill_fans(frame, slice, receivers, batch, folded, worker);
-    const uint32_t inside = find_inside(frame, batch, worker);
+    const uint32_t full = folded ? fill_fans(frame, slice, receivers, batch, folded, worker) : 0;
+    const uint32_t inside = find_inside(frame, batch, full, worker);
     for (uint32_t lane = 0; lane < lanes; ++lane) {
         if (inside >> lane & 1) std::memset(worker.masks.data() + lane * mask_size, 0xFF, mask_size);
     }

@@ -68,11 +68,12 @@ uint32_t shadow_fans(const Frame& frame, const MeshSlice& slice, const uint32_t*
     return folded;
 }
 
-void fill_fans(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, const Batch& batch,
-               uint32_t folded, Worker& worker) {
+uint32_t fill_fans(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, const Batch& batch,
+                   uint32_t folded, Worker& worker) {
     const MeshData& mesh = *slice.mesh;
     const float* points = frame.points.data() + 4 * size_t(slice.first_point);
     const size_t bytes = mask_bytes(frame.tables->layout);
+    uint32_t full = 0;
     for (uint32_t left = folded; left; left &= left - 1) {
         const uint32_t lane = static_cast<uint32_t>(__builtin_ctz(left));
         const uint32_t w = mesh.weld[receivers[lane]];
@@ -90,8 +91,14 @@ void fill_fans(const Frame& frame, const MeshSlice& slice, const uint32_t* recei
             arcs += 2 * length;
             count -= length;
         }
-        if (count == 0) std::memcpy(worker.masks.data() + lane * bytes, filled, bytes);
+        if (count > 0) continue;
+        if (std::all_of(filled, filled + bytes, [](uint8_t byte) { return byte == 0xFF; })) {
+            full |= 1u << lane;
+        } else {
+            std::memcpy(worker.masks.data() + lane * bytes, filled, bytes);
+        }
     }
+    return full;
 }
 
 } // namespace nusselt

@@ -16,6 +16,7 @@
 #include "quality.h"
 
 #include <atomic>
+#include <cfloat>
 #include <cstdint>
 #include <span>
 
@@ -43,7 +44,7 @@ struct MeshSlice {
     FrameMesh in;                       // the caller's arrays
     uint64_t checksum = 0;              // of what is read, at `submit` (NUSSELT_CHECKED)
     uint32_t first_point = 0, first_point_chunk = 0;
-    uint32_t first_cluster = 0, first_group = 0;
+    uint32_t first_cluster = 0, first_group = 0, first_part = 0;
     uint32_t first_region = 0, first_own_region = 0; // of receivers; from first_own_region on of duplicates
     uint32_t first_output = 0;                       // of in.output_count
     Gloss gloss;                                     // what in.gloss points to
@@ -102,6 +103,11 @@ constexpr uint32_t groups_of(uint32_t clusters) {
     return (clusters + group_clusters - 1) / group_clusters;
 }
 
+// Sets of the mesh's closed parts that have clusters of their own (MeshData::closed_parts).
+inline uint32_t part_count(const MeshSlice& slice) {
+    return static_cast<uint32_t>(slice.mesh->closed_parts.size()) - 1;
+}
+
 // The levels of a mesh: their clusters, and the distances at which some of these are drawn.
 struct LevelBands {
     struct Level {
@@ -124,6 +130,8 @@ struct FarView {
 struct MeshBox {
     float low[3], high[3]; // low above high: nothing
 };
+constexpr MeshBox no_box{{FLT_MAX, FLT_MAX, FLT_MAX}, {-FLT_MAX, -FLT_MAX, -FLT_MAX}};
+constexpr MeshBox every_box{{-FLT_MAX, -FLT_MAX, -FLT_MAX}, {FLT_MAX, FLT_MAX, FLT_MAX}};
 
 enum Stage : uint32_t {
     refit_stage,
@@ -198,10 +206,11 @@ struct Frame {
           broken(HostAllocator<uint8_t>(a)), points(a),
           triangle_bounds(a), centre{FloatArray(a), FloatArray(a), FloatArray(a)},
           radius(a), cone{FloatArray(a), FloatArray(a), FloatArray(a)}, cone_cos(a), cone_sin(a),
-          triangle_radius(a), nearest(a), farthest(a), views(HostAllocator<kernels::ClusterView>(a)),
-          cluster_mesh(HostAllocator<uint32_t>(a)), cluster_bounds_begin(HostAllocator<uint32_t>(a)),
-          group_bounds(a), mesh_bounds(a), far_views(HostAllocator<FarView>(a)),
-          closed_boxes(HostAllocator<MeshBox>(a)), level_bands(HostAllocator<LevelBands>(a)), history(a) {}
+          triangle_radius(a), nearest(a), farthest(a), cluster_boxes(HostAllocator<MeshBox>(a)),
+          views(HostAllocator<kernels::ClusterView>(a)), cluster_mesh(HostAllocator<uint32_t>(a)),
+          cluster_bounds_begin(HostAllocator<uint32_t>(a)), group_bounds(a), mesh_bounds(a),
+          far_views(HostAllocator<FarView>(a)), closed_boxes(HostAllocator<MeshBox>(a)),
+          part_boxes(HostAllocator<MeshBox>(a)), level_bands(HostAllocator<LevelBands>(a)), history(a) {}
 
     // Fixed in `submit`.
     const kernels::Kernels* kernels = nullptr;
@@ -224,7 +233,8 @@ struct Frame {
     Vector<MeshSlice> meshes;     // the caller's, and after them the backs of those that have one
     uint32_t mesh_count = 0;      // the caller's
     Vector<OutputStream> outputs; // of all slices in turn
-    uint32_t point_count = 0, point_chunks = 0, cluster_count = 0, group_count = 0, triangle_bounds_count = 0;
+    uint32_t point_count = 0, point_chunks = 0, cluster_count = 0, group_count = 0, part_count = 0,
+             triangle_bounds_count = 0;
     // Meshes of other objects are drawn as proxies: the arrays of clusters below then hold cluster c once
     // more at cluster_count + c, as receivers of other objects see it.
     bool proxies = false;
@@ -244,6 +254,7 @@ struct Frame {
     FloatArray centre[3], radius, cone[3], cone_cos, cone_sin;
     FloatArray triangle_radius;   // largest sphere around one of the cluster's triangles
     FloatArray nearest, farthest; // band of distances of the cluster's level
+    Vector<MeshBox> cluster_boxes;
     Vector<kernels::ClusterView> views;
     Vector<uint32_t> cluster_mesh, cluster_bounds_begin;
     kernels::ClusterBounds cluster_bounds{};
@@ -251,6 +262,7 @@ struct Frame {
     ClusterBoundsArrays mesh_bounds;  // a sphere around each mesh
     Vector<FarView> far_views;        // of each mesh, where there is a far_table
     Vector<MeshBox> closed_boxes;     // around what of each mesh can hold a receiver
+    Vector<MeshBox> part_boxes;       // and around each closed part
     Vector<LevelBands> level_bands;   // of each mesh, then of each mesh's proxy
 
     // A frame with a history is kept for it: the arrays above are then those of its last frame.

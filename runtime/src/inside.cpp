@@ -10,6 +10,8 @@ namespace {
 
 using namespace kernels;
 
+constexpr uint32_t few_clusters = 2 * group_clusters; // of a part, that are looked at one by one
+
 // The lanes whose own ray may meet a sphere.
 uint32_t meeting(const Rays& rays, const float centre[3], float radius) {
     uint32_t met = 0;
@@ -43,19 +45,23 @@ uint32_t within(const MeshBox& box, const Rays& rays) {
     return held;
 }
 
-// Of a mesh's first clusters, the closed ones of the full mesh, those that the rays may meet: to
+// Of a closed part's clusters, from number `begin` of the mesh to `end`, those that the rays may meet: to
 // worker.selected.
-uint32_t clusters_along(const Frame& frame, uint32_t mesh, uint32_t closed, Worker& worker) {
+uint32_t clusters_along(const Frame& frame, const MeshSlice& slice, uint32_t begin, uint32_t end,
+                        Worker& worker) {
     const Kernels& k = *frame.kernels;
-    const uint32_t first = frame.meshes[mesh].first_cluster, end = first + closed;
-    const uint32_t first_group = frame.meshes[mesh].first_group;
-    const uint32_t groups = k.select_along(worker.rays, frame.group_bounds.view(0), nullptr, first_group,
-                                           first_group + groups_of(closed), worker.groups.data());
+    const uint32_t first = slice.first_cluster, first_group = slice.first_group;
+    if (end - begin <= few_clusters)
+        return k.select_along(worker.rays, frame.cluster_bounds, nullptr, first + begin, first + end,
+                              worker.selected.data());
+    const uint32_t groups =
+        k.select_along(worker.rays, frame.group_bounds.view(0), nullptr, first_group + begin / group_clusters,
+                       first_group + groups_of(end), worker.groups.data());
     uint32_t count = 0;
     for (uint32_t g = 0; g < groups; ++g) {
-        const uint32_t begin = first + (worker.groups[g] - first_group) * group_clusters;
-        count += k.select_along(worker.rays, frame.cluster_bounds, nullptr, begin,
-                                std::min(begin + group_clusters, end), worker.selected.data() + count);
+        const uint32_t at = (worker.groups[g] - first_group) * group_clusters;
+        count += k.select_along(worker.rays, frame.cluster_bounds, nullptr, first + std::max(at, begin),
+                                first + std::min(at + group_clusters, end), worker.selected.data() + count);
     }
     return count;
 }
@@ -71,16 +77,21 @@ uint32_t count_winding(const Frame& frame, Worker& worker, int32_t winding[lanes
         const MeshSlice& slice = frame.meshes[m];
         // Closed parts wind 0 times around what lies outside of them.
         rays.active = active;
-        rays.active = within(frame.closed_boxes[m], rays);
-        if (!rays.active) continue;
-        const uint32_t closed = slice.in.receive_only ? 0 : slice.mesh->closed_clusters;
-        const uint32_t count = clusters_along(frame, m, closed, worker);
+        const uint32_t held = within(frame.closed_boxes[m], rays);
+        if (!held) continue;
         const float* points = frame.points.data() + 4 * size_t(slice.first_point);
-        for (uint32_t i = 0; i < count; ++i) {
-            const uint32_t c = worker.selected[i];
-            const ClusterView& view = frame.views[c];
-            if (frame.broken[c]) unknown |= meeting(rays, view.centre, view.radius);
-            k.count_crossings(rays, view, points, winding);
+        for (uint32_t part = 0; part < part_count(slice); ++part) {
+            rays.active = held;
+            rays.active = within(frame.part_boxes[slice.first_part + part], rays);
+            if (!rays.active) continue;
+            const uint32_t count = clusters_along(frame, slice, slice.mesh->closed_parts[part],
+                                                  slice.mesh->closed_parts[part + 1], worker);
+            for (uint32_t i = 0; i < count; ++i) {
+                const uint32_t c = worker.selected[i];
+                const ClusterView& view = frame.views[c];
+                if (frame.broken[c]) unknown |= meeting(rays, view.centre, view.radius);
+                k.count_crossings(rays, view, points, winding);
+            }
         }
     }
     rays.active = active;
@@ -108,30 +119,46 @@ bool is_set(const uint8_t* mask, uint32_t bit) {
     return mask[bit / 8] >> (bit % 8) & 1;
 }
 
-bool oblique_agree(const Frame& frame, const Batch& batch, uint32_t lane, Worker& worker) {
-    const MaskLayout& layout = frame.tables->layout;
-    const uint8_t* mask = worker.masks.data() + size_t(lane) * mask_bytes(layout);
+// Whether closed parts wind around the lane's receiver along a sample's direction; not where that is unknown.
+bool leaves(const Frame& frame, const Batch& batch, uint32_t lane, const ObliqueSample& sample,
+            Worker& worker) {
     Rays& rays = worker.rays;
     rays.active = 1u << lane;
     rays.radius = 0;
-    for (uint32_t i = 0; i < 3; ++i)
+    float direction[3];
+    for (uint32_t i = 0; i < 3; ++i) {
         rays.centre[i] = batch.position[i][lane];
+        direction[i] = 0;
+        for (uint32_t row = 0; row < 3; ++row)
+            direction[i] += sample.direction[row] * batch.axis[row][i][lane];
+    }
+    set_direction(direction, rays);
+    int32_t winding[lanes] = {};
+    return count_winding(frame, worker, winding) == 0 && winding[lane] > 0;
+}
+
+bool oblique_agree(const Frame& frame, const Batch& batch, uint32_t lane, Worker& worker) {
+    const MaskLayout& layout = frame.tables->layout;
+    const uint8_t* mask = worker.masks.data() + size_t(lane) * mask_bytes(layout);
     uint32_t asked = 0;
     for (const ObliqueSample& sample : frame.oblique) {
         if (is_set(mask, sample.bit)) continue;
         if (asked == oblique_asked) break;
-        float direction[3];
-        for (uint32_t i = 0; i < 3; ++i) {
-            direction[i] = 0;
-            for (uint32_t row = 0; row < 3; ++row)
-                direction[i] += sample.direction[row] * batch.axis[row][i][lane];
-        }
-        set_direction(direction, rays);
-        int32_t winding[lanes] = {};
-        if (count_winding(frame, worker, winding) != 0 || winding[lane] <= 0) return false;
+        if (!leaves(frame, batch, lane, sample, worker)) return false;
         ++asked;
     }
     return asked > 0;
+}
+
+// Whether more than one sample direction leads into what is solid. Where parts touch, single rays run along
+// walls and say anything; of fans that fill by mistake at most one ray in nine leaves.
+bool is_solid(const Frame& frame, const Batch& batch, uint32_t lane, Worker& worker) {
+    uint32_t left = 0;
+    for (const ObliqueSample& sample : frame.oblique) {
+        left += leaves(frame, batch, lane, sample, worker);
+        if (left > 1) return true;
+    }
+    return false;
 }
 
 } // namespace
@@ -154,11 +181,11 @@ void choose_oblique(const MaskLayout& layout, ObliqueSample out[oblique_samples]
     }
 }
 
-uint32_t find_inside(const Frame& frame, const Batch& batch, Worker& worker) {
+uint32_t find_inside(const Frame& frame, const Batch& batch, uint32_t full, Worker& worker) {
     if (!frame.any_closed || !batch.valid) return 0;
     uint32_t members[6] = {}; // lanes whose normals lie nearest to each axis and its opposite
     for (uint32_t lane = 0; lane < lanes; ++lane) {
-        if (!(batch.valid >> lane & 1)) continue;
+        if (!((batch.valid & ~full) >> lane & 1)) continue;
         const auto size = [&](uint32_t i) { return std::fabs(batch.axis[2][i][lane]); };
         const uint32_t axis = size(0) >= size(1) && size(0) >= size(2) ? 0 : size(1) >= size(2) ? 1 : 2;
         members[2 * axis + (batch.axis[2][axis][lane] < 0)] |= 1u << lane;
@@ -179,8 +206,11 @@ uint32_t find_inside(const Frame& frame, const Batch& batch, Worker& worker) {
     }
     uint32_t inside = 0;
     for (uint32_t lane = 0; lane < lanes; ++lane) {
-        if ((batch.valid & ~unknown) >> lane & 1 && winding[lane] > 0)
-            inside |= uint32_t(oblique_agree(frame, batch, lane, worker)) << lane;
+        if (!((batch.valid & ~unknown) >> lane & 1)) continue;
+        const bool is_inside = full >> lane & 1
+                                   ? is_solid(frame, batch, lane, worker)
+                                   : winding[lane] > 0 && oblique_agree(frame, batch, lane, worker);
+        inside |= uint32_t(is_inside) << lane;
     }
     return inside;
 }

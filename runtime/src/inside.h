@@ -15,7 +15,7 @@ void choose_oblique(const kernels::MaskLayout& layout, ObliqueSample out[oblique
 // the receiver's own decide, and all must agree; those that its own fan hides (`masks` as the fans leave
 // them) have no say, and others take their place. Which rays are asked depends on the receiver alone, not on
 // the batch. A receiver is not called inside where one of its own rays may meet a triangle with a corner that
-// is not finite.
-uint32_t find_inside(const Frame& frame, const kernels::Batch& batch, Worker& worker);
+// is not finite. Lanes of `full` (fill_fans) are asked for nine directions: two that lead out decide.
+uint32_t find_inside(const Frame& frame, const kernels::Batch& batch, uint32_t full, Worker& worker);
 
 } // namespace nusselt

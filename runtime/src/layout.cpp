@@ -23,7 +23,7 @@ uint32_t region_size(const Frame& frame) {
 
 void lay_out(Frame& frame) {
     frame.point_count = frame.point_chunks = frame.cluster_count = 0;
-    frame.group_count = frame.triangle_bounds_count = 0;
+    frame.group_count = frame.part_count = frame.triangle_bounds_count = 0;
     frame.any_closed = false;
     frame.region_count = 0;
     frame.region_size = region_size(frame);
@@ -50,10 +50,12 @@ void lay_out(Frame& frame) {
         s.first_point_chunk = frame.point_chunks;
         s.first_cluster = frame.cluster_count;
         s.first_group = frame.group_count;
+        s.first_part = frame.part_count;
         frame.point_count += points;
         frame.point_chunks += (points + point_chunk - 1) / point_chunk;
         frame.cluster_count += s.clusters->count();
         frame.group_count += groups_of(s.clusters->count()) + max_levels; // each level begins one
+        frame.part_count += part_count(s);
         frame.any_closed |= !frame.quality.paper && !s.in.receive_only && s.mesh->closed_clusters > 0;
         for (uint32_t c = 0; c < s.clusters->count(); ++c) {
             const uint32_t triangles = s.clusters->triangle_begin[c + 1] - s.clusters->triangle_begin[c];
@@ -90,10 +92,12 @@ void grow(Frame& frame) {
     frame.cluster_mesh.resize(drawn);
     frame.level_errors.resize(frame.cluster_count);
     frame.broken.resize(frame.cluster_count);
+    frame.cluster_boxes.resize(frame.cluster_count);
     frame.cluster_bounds_begin.resize(frame.cluster_count);
     frame.group_bounds.resize(frame.proxies ? 2 * frame.group_count : frame.group_count);
     frame.mesh_bounds.resize(frame.meshes.size());
     frame.closed_boxes.resize(frame.meshes.size());
+    frame.part_boxes.resize(frame.part_count);
     if (frame.far_table) frame.far_views.resize(frame.mesh_count);
     for (FarView& view : frame.far_views)
         view.wanted = false;

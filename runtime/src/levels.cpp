@@ -25,6 +25,8 @@ constexpr uint32_t coarse_start = 4;
 // Vertices of more triangles than this bring no ring to their neighbours (quality `paper`): the rings of a
 // hub's neighbours would grow with the square of their number.
 constexpr uint32_t max_ring_valence = 256;
+// Closed parts of so many triangles have clusters of their own.
+constexpr uint32_t own_clusters = 16;
 
 // Rest positions, centred and scaled by one factor to at most 1, so that no later constant meets the caller's
 // unit.
@@ -126,30 +128,73 @@ struct Builder {
     ClusterWriter writer;
 };
 
+// Triangles of the simplifier's as clusters: those whose numbers are in b.side_source.
+void add_side(Builder& b, const LevelOptions& options, ClusterKind kind, Clusters& clusters) {
+    const Vector<uint32_t>& all = b.simplifier.triangles;
+    b.side.clear();
+    for (const uint32_t t : b.side_source)
+        b.side.insert(b.side.end(), all.begin() + 3 * size_t(t), all.begin() + 3 * size_t(t) + 3);
+    if (b.side.empty()) return;
+    Partitioner& p = b.partitioner;
+    partition_triangles(b.side, b.positions.data(), options.cluster_triangles, b.local_of, p);
+    part_large_triangles(b.side, b.positions.data(), options.cluster_triangles, p);
+    for (size_t i = 0; i + 1 < p.begins.size(); ++i) {
+        append_clusters(b.side, p.order.data() + p.begins[i], p.begins[i + 1] - p.begins[i], kind, b.writer,
+                        b.local_of, clusters);
+    }
+    for (const uint32_t i : p.order)
+        b.clustered.push_back(b.side_source[i]);
+}
+
 // The simplifier's triangles as clusters; never both kinds in one. `b.clustered`: their numbers in the
 // clusters' order.
 void add_clusters(Builder& b, const LevelOptions& options, uint8_t level, Clusters& clusters) {
-    const Vector<uint32_t>& all = b.simplifier.triangles;
     b.clustered.clear();
     for (uint8_t flag = 0; flag < 2; ++flag) {
-        b.side.clear();
         b.side_source.clear();
         for (uint32_t t = 0; t < b.two_sided.size(); ++t) {
-            if (b.two_sided[t] != flag) continue;
-            b.side.insert(b.side.end(), all.begin() + 3 * size_t(t), all.begin() + 3 * size_t(t) + 3);
-            b.side_source.push_back(t);
+            if (b.two_sided[t] == flag) b.side_source.push_back(t);
         }
-        if (b.side.empty()) continue;
-        Partitioner& p = b.partitioner;
-        partition_triangles(b.side, b.positions.data(), options.cluster_triangles, b.local_of, p);
-        part_large_triangles(b.side, b.positions.data(), options.cluster_triangles, p);
-        for (size_t i = 0; i + 1 < p.begins.size(); ++i) {
-            append_clusters(b.side, p.order.data() + p.begins[i], p.begins[i + 1] - p.begins[i],
-                            {flag, level}, b.writer, b.local_of, clusters);
-        }
-        for (const uint32_t i : p.order)
-            b.clustered.push_back(b.side_source[i]);
+        add_side(b, options, {flag, level}, clusters);
     }
+}
+
+// The same for the full mesh, part by part where they are closed.
+void add_full_clusters(Builder& b, const LevelOptions& options, const Topology& topology, MeshData& mesh) {
+    const Vector<uint32_t>& component = topology.triangle_component;
+    const uint32_t components = static_cast<uint32_t>(topology.component_closed.size());
+    Vector<uint32_t> size(components, 0, b.numbers);
+    for (const uint32_t c : component)
+        ++size[c];
+    // Open parts, then closed ones, then all small closed ones.
+    Vector<uint32_t> part(components, 0, b.numbers);
+    uint32_t parts = 1;
+    for (uint32_t c = 0; c < components; ++c) {
+        if (topology.component_closed[c] && size[c] >= own_clusters) part[c] = parts++;
+    }
+    for (uint32_t c = 0; c < components; ++c) {
+        if (topology.component_closed[c] && size[c] < own_clusters) part[c] = parts;
+    }
+    Vector<uint32_t> begin(parts + 2, 0, b.numbers);
+    for (const uint32_t c : component)
+        ++begin[part[c] + 1];
+    for (uint32_t i = 0; i <= parts; ++i)
+        begin[i + 1] += begin[i];
+    Vector<uint32_t> fill(begin, b.numbers), order(component.size(), 0, b.numbers);
+    for (uint32_t t = 0; t < component.size(); ++t)
+        order[fill[part[component[t]]]++] = t;
+
+    b.clustered.clear();
+    const auto add = [&](uint32_t i, uint8_t two_sided) {
+        b.side_source.assign(order.begin() + begin[i], order.begin() + begin[i + 1]);
+        add_side(b, options, {two_sided, 0}, mesh.clusters);
+    };
+    for (uint32_t i = 1; i <= parts; ++i) {
+        add(i, 0);
+        mesh.closed_parts.push_back(mesh.clusters.count());
+    }
+    mesh.closed_clusters = mesh.clusters.count();
+    add(0, 1);
 }
 
 // Simplifies the current level to about `target` triangles. False: there was too little to gain.
@@ -230,7 +275,7 @@ void add_samples(const Builder& b, uint8_t level, const Clusters& clusters, Leve
     }
 }
 
-void build_levels(Builder& b, const LevelOptions& options, MeshData& mesh) {
+void build_levels(Builder& b, const LevelOptions& options, const Topology& topology, MeshData& mesh) {
     b.simplifier.triangles = mesh.full_triangles;
     b.two_sided = mesh.full_two_sided;
     const uint32_t full = static_cast<uint32_t>(b.two_sided.size());
@@ -238,8 +283,13 @@ void build_levels(Builder& b, const LevelOptions& options, MeshData& mesh) {
                           ? std::max(full / 10, std::min(full, 64u))
                           : options.coarse_triangles;
     mesh.samples.begin.assign(2, 0);
+    mesh.closed_parts.assign(1, 0);
     for (uint8_t level = 0; !b.two_sided.empty(); ++level) {
-        add_clusters(b, options, level, mesh.clusters);
+        if (level == 0) {
+            add_full_clusters(b, options, topology, mesh);
+        } else {
+            add_clusters(b, options, level, mesh.clusters);
+        }
         add_samples(b, level, mesh.clusters, mesh.samples);
         if (level > 0) mesh.samples.begin.push_back(static_cast<uint32_t>(mesh.samples.vertex.size()));
         const uint32_t count = static_cast<uint32_t>(b.two_sided.size());
@@ -336,14 +386,11 @@ void build_mesh(const MeshDesc& desc, const LevelOptions& options, const Allocat
 
     begin_clusters(mesh.clusters);
     begin_clusters(mesh.coarse_clusters);
-    build_levels(builder, options, mesh);
+    build_levels(builder, options, topology, mesh);
     build_covers(allocator, mesh);
     build_coarse(builder, options, mesh);
     build_anchors(mesh);
 
-    while (mesh.closed_clusters < mesh.clusters.count() && mesh.clusters.level[mesh.closed_clusters] == 0 &&
-           !mesh.clusters.two_sided[mesh.closed_clusters])
-        ++mesh.closed_clusters;
     info.clusters = mesh.clusters.count();
     info.levels = 1;
     for (uint32_t c = 0; c < mesh.clusters.count(); ++c) {

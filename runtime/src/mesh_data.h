@@ -84,7 +84,7 @@ struct MeshData {
           duplicate_begin(HostAllocator<uint32_t>(a)), full_triangles(HostAllocator<uint32_t>(a)),
           ring_begin(HostAllocator<uint32_t>(a)), ring(HostAllocator<uint32_t>(a)),
           full_two_sided(HostAllocator<uint8_t>(a)), anchor(HostAllocator<uint32_t>(a)), clusters(a),
-          coarse_clusters(a), samples(a) {}
+          closed_parts(HostAllocator<uint32_t>(a)), coarse_clusters(a), samples(a) {}
 
     uint32_t vertex_count = 0; // the caller's, V
     uint64_t identity = 0;     // see mesh_identity (visible_set.h)
@@ -112,6 +112,8 @@ struct MeshData {
 
     Clusters clusters;            // all levels
     uint32_t closed_clusters = 0; // of them, the first: the full mesh of closed parts
+    // The closed parts' first clusters, and the end: a part each, last all that have but few triangles.
+    Vector<uint32_t> closed_parts;
     Clusters coarse_clusters;
     LevelSamples samples;
 };

@@ -15,9 +15,16 @@ using namespace kernels;
 constexpr uint32_t few_parts = 64;
 constexpr uint32_t few_clusters = 4 * group_clusters; // of a level, that are looked at one by one
 
+void add_box(const MeshBox& box, MeshBox& all) {
+    for (uint32_t k = 0; k < 3; ++k) {
+        all.low[k] = std::min(all.low[k], box.low[k]);
+        all.high[k] = std::max(all.high[k], box.high[k]);
+    }
+}
+
 // A box around spheres.
-MeshBox box_clusters(const Frame& frame, uint32_t begin, uint32_t end) {
-    MeshBox box{{FLT_MAX, FLT_MAX, FLT_MAX}, {-FLT_MAX, -FLT_MAX, -FLT_MAX}};
+MeshBox box_spheres(const Frame& frame, uint32_t begin, uint32_t end) {
+    MeshBox box = no_box;
     for (uint32_t c = begin; c < end; ++c) {
         for (uint32_t k = 0; k < 3; ++k) {
             box.low[k] = std::min(box.low[k], frame.centre[k].data()[c] - frame.radius.data()[c]);
@@ -27,20 +34,25 @@ MeshBox box_clusters(const Frame& frame, uint32_t begin, uint32_t end) {
     return box;
 }
 
-// What of the mesh can hold a receiver: its closed parts. Where a triangle of theirs is broken a ray that
+// What of the mesh can hold a receiver: its closed parts. Where a triangle of a part is broken a ray that
 // meets it tells nothing, wherever it starts.
-MeshBox box_closed(const Frame& frame, const MeshSlice& slice) {
-    const uint32_t first = slice.first_cluster,
-                   closed = slice.in.receive_only || frame.quality.paper ? 0 : slice.mesh->closed_clusters;
-    const uint8_t* const broken = frame.broken.data() + first;
-    if (std::any_of(broken, broken + closed, [](uint8_t b) { return b != 0; }))
-        return {{-FLT_MAX, -FLT_MAX, -FLT_MAX}, {FLT_MAX, FLT_MAX, FLT_MAX}};
-    return box_clusters(frame, first, first + closed);
+void box_closed(Frame& frame, uint32_t m) {
+    const MeshSlice& slice = frame.meshes[m];
+    MeshBox& all = frame.closed_boxes[m] = no_box;
+    if (slice.in.receive_only || frame.quality.paper) return;
+    const uint8_t* const broken = frame.broken.data() + slice.first_cluster;
+    for (uint32_t i = 0; i < part_count(slice); ++i) {
+        const uint32_t begin = slice.mesh->closed_parts[i], end = slice.mesh->closed_parts[i + 1];
+        MeshBox& box = frame.part_boxes[slice.first_part + i] = no_box;
+        for (uint32_t c = begin; c < end; ++c)
+            add_box(broken[c] ? every_box : frame.cluster_boxes[slice.first_cluster + c], box);
+        add_box(box, all);
+    }
 }
 
 // A sphere around spheres, from the middle of their box: entry `to` of `out`.
 void bound_sphere(const Frame& frame, uint32_t begin, uint32_t end, ClusterBoundsArrays& out, uint32_t to) {
-    const MeshBox box = box_clusters(frame, begin, end);
+    const MeshBox box = box_spheres(frame, begin, end);
     float centre[3], radius = 0;
     for (uint32_t k = 0; k < 3; ++k) {
         centre[k] = begin < end ? 0.5f * box.low[k] + 0.5f * box.high[k] : 0.0f;
@@ -225,7 +237,7 @@ void bound_mesh(Frame& frame, uint32_t m) {
     const MeshSlice& slice = frame.meshes[m];
     const uint32_t first = slice.first_cluster, count = slice.clusters->count();
     bound_sphere(frame, first, first + count, frame.mesh_bounds, m);
-    frame.closed_boxes[m] = box_closed(frame, slice);
+    box_closed(frame, m);
     frame.mesh_bounds.cone_cos.data()[m] = -1;
     frame.mesh_bounds.farthest.data()[m] = FLT_MAX;
     LevelBands& own = frame.level_bands[m];

@@ -99,24 +99,24 @@ uint32_t refit_triangles(const float* points, const Clusters& clusters, uint32_t
     return invalid;
 }
 
-// A sphere around the finite vertices; false where there is none.
-bool refit_sphere(const float* points, const Clusters& clusters, uint32_t cluster, float centre[3],
-                  float& radius) {
+// A box and a sphere around the finite vertices; false where there is none.
+bool refit_sphere(const float* points, const Clusters& clusters, uint32_t cluster, MeshBox& box,
+                  float centre[3], float& radius) {
     const uint32_t* vertices = clusters.vertices.data();
     const uint32_t begin = clusters.vertex_begin[cluster], end = clusters.vertex_begin[cluster + 1];
-    float low[3] = {FLT_MAX, FLT_MAX, FLT_MAX}, high[3] = {-FLT_MAX, -FLT_MAX, -FLT_MAX};
+    box = no_box;
     const auto finite = [](const float* p) { return is_finite(p[0]) && is_finite(p[1]) && is_finite(p[2]); };
     for (uint32_t i = begin; i < end; ++i) {
         const float* p = points + 4 * size_t(vertices[i]);
         if (!finite(p)) continue;
         for (uint32_t k = 0; k < 3; ++k) {
-            low[k] = std::min(low[k], p[k]);
-            high[k] = std::max(high[k], p[k]);
+            box.low[k] = std::min(box.low[k], p[k]);
+            box.high[k] = std::max(box.high[k], p[k]);
         }
     }
-    if (low[0] > high[0]) return false;
+    if (box.low[0] > box.high[0]) return false;
     for (uint32_t k = 0; k < 3; ++k)
-        centre[k] = 0.5f * low[k] + 0.5f * high[k];
+        centre[k] = 0.5f * box.low[k] + 0.5f * box.high[k];
     float far = 0;
     for (uint32_t i = begin; i < end; ++i) {
         const float* p = points + 4 * size_t(vertices[i]);
@@ -286,7 +286,7 @@ void refit_clusters(void* context, uint32_t begin, uint32_t end, uint32_t slot) 
         frame.broken[c] = invalid > 0;
         if (clusters.level[own] == 0) frame.workers[slot].tally.triangles_invalid += invalid;
         float centre[3] = {}, radius = 0, axis[3] = {}, cosine = -1;
-        if (refit_sphere(points, clusters, own, centre, radius) && !view.two_sided)
+        if (refit_sphere(points, clusters, own, frame.cluster_boxes[c], centre, radius) && !view.two_sided)
             cosine = refit_cone(bounds, view.triangle_count, axis);
         for (uint32_t k = 0; k < 3; ++k) {
             frame.centre[k].data()[c] = view.centre[k] = centre[k];
