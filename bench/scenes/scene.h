@@ -24,6 +24,8 @@ struct Mesh {
     std::vector<glm::vec2> metallic_roughness;
     // 1: a sheet that is seen from both sides, per vertex (glTF's doubleSided). Empty: none is known to be.
     std::vector<uint8_t> two_sided = {};
+    // What it does in a frame: hides light from itself and others; is shadowed.
+    bool hides = true, receives = true;
 };
 
 // The scene at one moment, in world space: positions[mesh][vertex], normals[mesh][vertex] (unit length).

@@ -49,6 +49,23 @@ std::string moving_triangle(bool leaf = false) {
 "samplers":[{"input":1,"output":2}]}]})";
 }
 
+// A square, `lower`, and the same above it, `upper`: two nodes that draw one mesh.
+std::string two_meshes() {
+    const float positions[12] = {0, 0, 0, 0, 0, 2, 2, 0, 2, 2, 0, 0};
+    const uint16_t indices[6] = {0, 1, 2, 0, 2, 3};
+    std::string bytes;
+    bytes.append(reinterpret_cast<const char*>(positions), 48);
+    bytes.append(reinterpret_cast<const char*>(indices), 12);
+    return R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1]}],
+"nodes":[{"mesh":0,"name":"lower"},{"mesh":0,"name":"upper","translation":[0.3,0.8,-0.3]}],
+"meshes":[{"primitives":[{"attributes":{"POSITION":0},"indices":1}]}],
+"buffers":[{"byteLength":60,"uri":"data:application/octet-stream;base64,)" +
+           base64(bytes) + R"("}],
+"bufferViews":[{"buffer":0,"byteLength":48},{"buffer":0,"byteOffset":48,"byteLength":12}],
+"accessors":[{"bufferView":0,"componentType":5126,"count":4,"type":"VEC3","min":[0,0,0],"max":[2,0,2]},
+{"bufferView":1,"componentType":5123,"count":6,"type":"SCALAR"}]})";
+}
+
 struct Outcome {
     int code = -1;
     std::string out, err;
@@ -68,6 +85,7 @@ protected:
             << "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n"
                "f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n"
                "v -1 -1 1.5\nv 2 -1 1.5\nv 2 2 1.5\nv -1 2 1.5\nf 9 10 11 12\n";
+        std::ofstream(folder / "boxes.gltf") << two_meshes();
         // A floor and a wall behind it.
         std::ofstream(folder / "corner.obj") << "v 0 0 0\nv 0 0 2\nv 2 0 2\nv 2 0 0\nf 1 2 3 4\n"
                                                 "v 0 -1 0.2\nv 2 -1 0.2\nv 2 2 0.2\nv 0 2 0.2\nf 5 6 7 8\n";
@@ -386,6 +404,52 @@ TEST_F(Program, BacksOfSheets) {
     EXPECT_NE(picture("--brdf ggx:0.6:1"), picture("--brdf ggx:0.6:1 --two-sided off"));
     EXPECT_NE(picture("--brdf ggx:0.6:1 --shadows traced --rays 64"),
               picture("--brdf ggx:0.6:1 --shadows traced --rays 64 --two-sided off"));
+}
+
+TEST_F(Program, RolesOfMeshes) {
+    const auto picture = [&](const std::string& arguments) {
+        const Outcome result = run("render boxes.gltf --size 64x48 --rays 256 --out picture " + arguments);
+        EXPECT_EQ(result.code, 0) << arguments << "\n" << result.err;
+        return contents(folder / "picture" / "frame_0000.png");
+    };
+    const std::string plain = picture("");
+    EXPECT_NE(plain, picture("--ground"));
+    EXPECT_NE(picture("--ground"), picture("--ground --shadows off"));
+    EXPECT_NE(picture("--ground --shadows traced"), picture("--ground --shadows off"));
+    // The upper one hides nothing any more; or it still does, but is not drawn.
+    EXPECT_NE(plain, picture("--receive-only upper"));
+    EXPECT_EQ(picture("--receive-only 1"), picture("--receive-only upper"));
+    EXPECT_NE(plain, picture("--block-only upper"));
+    // A square hides nothing of itself.
+    EXPECT_EQ(picture("--block-only upper"), picture("--block-only upper --receive-only lower"));
+    EXPECT_EQ(picture("--block-only upper --shadows off"), picture("--block-only 1 --shadows off"));
+    EXPECT_NE(picture("--ground --block-only lower --block-only upper"),
+              picture("--ground --receive-only lower "
+                      "--block-only upper"));
+    expect_failure(2, "render boxes.gltf --out out --receive-only roof", {"roof", "0 lower, 1 upper"});
+    expect_failure(2, "render boxes.gltf --out out --block-only 2", {"--block-only", "upper"});
+    expect_failure(2, "render boxes.gltf --out out --block-only 0 --block-only 1", {"--ground"});
+    expect_failure(2, "render boxes.gltf --out out --block-only 0 --receive-only lower", {"one of the two"});
+    expect_failure(2, "render slide.gltf --out out --ground --pvs slide.pvs", {"--ground"});
+}
+
+// The ground below a box that stands still is computed once.
+TEST_F(Program, WhatStandsStillIsKept) {
+    const std::string frames = "render boxes.gltf --size 64x48 --frames 1 --ground --out ";
+    ASSERT_EQ(run(frames + "anew").code, 0);
+    const Outcome kept = run(frames + "kept --keep");
+    ASSERT_EQ(kept.code, 0) << kept.err;
+    EXPECT_NE(kept.out.find("kept: 0.0 %"), std::string::npos) << kept.out;
+    EXPECT_EQ(contents(folder / "anew" / "frame_0000.png"), contents(folder / "kept" / "frame_0000.png"));
+    const std::string clip = "render slide.gltf --size 64x48 --frames 3 --fps 3 --ground --out ";
+    ASSERT_EQ(run(clip + "anew").code, 0);
+    const Outcome moving = run(clip + "kept --keep");
+    ASSERT_EQ(moving.code, 0) << moving.err;
+    EXPECT_NE(moving.out.find("kept: "), std::string::npos) << moving.out;
+    for (const char* name : {"frame_0000.png", "frame_0001.png", "frame_0002.png"})
+        EXPECT_EQ(contents(folder / "anew" / name), contents(folder / "kept" / name)) << name;
+    for (const char* other : {"--shadows off", "--brdf ggx:0.4:1", "--light direct", "--falloff 0.1:1"})
+        expect_failure(2, std::string("render slide.gltf --out out --keep ") + other, {"--keep"});
 }
 
 TEST_F(Program, Study) {

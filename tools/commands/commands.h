@@ -2,6 +2,7 @@
 #pragma once
 
 #include "tools/commands/engine.h"
+#include "tools/commands/roles.h"
 #include "tools/compare/measure.h"
 
 #include <cstdint>
@@ -50,7 +51,9 @@ struct RenderOptions {
     Show show = Show::radiance;
     Reflectance reflectance;
     Falloff falloff;
+    Roles roles;
     bool watertight = false;
+    bool keep = false; // what did not move since the frame before
     TwoSided two_sided = TwoSided::model;
     std::string visible_set;        // file of `nusselt pvs`; empty: none
     bool direct = false;            // light straight from the masks and the environment

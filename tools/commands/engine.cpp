@@ -44,6 +44,19 @@ BackSide part_of(size_t first, size_t count, size_t words, std::vector<float>& t
     return side;
 }
 
+// The first mesh with the same topology and rest pose as the scene's m-th: nodes that draw one mesh share its
+// levels of detail.
+size_t first_like(const scenes::Scene& scene, size_t m) {
+    const scenes::Mesh& mesh = scene.meshes[m];
+    for (size_t k = 0; k < m; ++k) {
+        const scenes::Mesh& other = scene.meshes[k];
+        if (other.indices == mesh.indices && other.rest_positions == mesh.rest_positions &&
+            other.rest_normals == mesh.rest_normals)
+            return k;
+    }
+    return m;
+}
+
 bool has_bits(const std::vector<uint32_t>& bits) {
     return std::any_of(bits.begin(), bits.end(), [](uint32_t word) { return word != 0; });
 }
@@ -128,13 +141,16 @@ Engine::Engine(const scenes::Scene& scene, const EngineOptions& options, std::st
             mesh_desc.indices = mesh.indices.data();
             mesh_desc.index_count = mesh.indices.size();
             MeshId id;
-            check(add_mesh(context_, mesh_desc, &id));
+            const size_t same = first_like(scene, meshes_.size());
+            check(same < meshes_.size() ? share_mesh(context_, meshes_[same], &id)
+                                        : add_mesh(context_, mesh_desc, &id));
             meshes_.push_back(id);
+            receives_.push_back(mesh.receives);
+            frame_.emplace_back().receive_only = !mesh.hides;
             std::vector<uint32_t>& bits = two_sided_.emplace_back((mesh.rest_positions.size() + 31) / 32);
             for (size_t v = 0; v < mesh.two_sided.size(); ++v)
                 bits[v / 32] |= uint32_t{mesh.two_sided[v] != 0} << v % 32;
         }
-        frame_.resize(meshes_.size());
     } catch (...) {
         (void)destroy_context(context_);
         destroy_executor(&executor_);
@@ -172,6 +188,10 @@ void Engine::look(const Palette& palette, const glm::vec3& eye, const std::vecto
         gloss.material_of = palette.material_of[m].data();
     }
     light_ = light;
+}
+
+void Engine::keep_still() {
+    if (history_.generation == 0) check(create_history(context_, &history_));
 }
 
 void Engine::group(const std::vector<uint32_t>& objects) {
@@ -255,14 +275,15 @@ FrameStats Engine::frame(const scenes::Pose& pose, Quality quality, std::vector<
         frame_[m].mesh = meshes_[m];
         frame_[m].positions = view(pose.positions[m]);
         frame_[m].normals = view(pose.normals[m]);
-        const BackSide front = part_of(first, count, words, transfer, masks, front_streams, outputs);
-        outputs += front_streams.size();
+        const BackSide front =
+            receives_[m] ? part_of(first, count, words, transfer, masks, front_streams, outputs) : BackSide{};
+        outputs += front.output_count;
         frame_[m].transfer = front.transfer;
         frame_[m].masks = front.masks;
         frame_[m].outputs = front.outputs;
         frame_[m].output_count = front.output_count;
         frame_[m].back = {};
-        if (backs_ && has_bits(turned_[m])) {
+        if (backs_ && receives_[m] && has_bits(turned_[m])) {
             frame_[m].back = part_of(first, count, words, backs.transfer, back_masks, backs.streams, outputs);
             frame_[m].back.needed = turned_[m].data();
             outputs += backs.streams.size();
@@ -274,6 +295,7 @@ FrameStats Engine::frame(const scenes::Pose& pose, Quality quality, std::vector<
     desc.environment = environment_;
     desc.falloff = falloff_;
     desc.watertight = watertight_;
+    desc.history = history_;
     if (visible_role_ == VisibleRole::recorded) desc.record = visible_;
     if (visible_role_ == VisibleRole::used) desc.visible = visible_;
     desc.visible_segment = visible_segment_;

@@ -71,6 +71,8 @@ public:
 
     // Occlusion of the frames that follow fades with distance.
     void fade(const Falloff& falloff) { falloff_ = falloff; }
+    // The frames that follow keep what did not move since the one before (FrameDesc::history).
+    void keep_still();
     void make_watertight() { watertight_ = true; } // FrameDesc::watertight, in the frames to come
 
     // Which object each mesh belongs to, in the frames that follow (FrameMesh::object).
@@ -107,6 +109,8 @@ private:
     Context* context_ = nullptr;
     std::vector<MeshId> meshes_;
     std::vector<FrameMesh> frame_;
+    std::vector<uint8_t> receives_; // of each mesh; what hides nothing is frame_'s
+    HistoryId history_;
     std::vector<Output> outputs_; // of each mesh in turn, the front's and then the back's
     std::vector<std::vector<uint32_t>> two_sided_, turned_; // bits of each mesh's vertices: known, asked for
     BackArrays* backs_ = nullptr;

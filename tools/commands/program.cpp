@@ -386,6 +386,22 @@ void parse_and_run(int argc, const char* const* argv) {
         ->add_option("--falloff", render_words.falloff,
                      "occlusion fades from one distance to another, in the model's unit; not physical")
         ->type_name("FROM:TO");
+    render_command->add_flag("--ground", render.roles.ground,
+                             "a plane below the model that takes its shadows and hides nothing");
+    render_command
+        ->add_option("--receive-only", render.roles.receive_only,
+                     "mesh that takes shadows and hides nothing, not even of itself. May be given several "
+                     "times")
+        ->type_name("NAME|N")
+        ->allow_extra_args(false);
+    render_command
+        ->add_option("--block-only", render.roles.block_only,
+                     "mesh that hides the light and is not drawn. May be given several times")
+        ->type_name("NAME|N")
+        ->allow_extra_args(false);
+    render_command->add_flag("--keep", render.keep,
+                             "keep what did not move since the frame before, for surroundings that are "
+                             "static: the same pictures, with less work");
     render_command->add_flag("--watertight", render.watertight,
                              "no light inside what is closed: the last open samples of a nearly closed mask "
                              "are asked of the triangles themselves");
@@ -542,6 +558,18 @@ void parse_and_run(int argc, const char* const* argv) {
                               "--brdf, --light and --shadows out",
                               exit_usage);
             }
+        }
+        const bool from_masks = render.reflectance.kind != Reflectance::Kind::lambert || render.direct;
+        if (render.keep && (render.shadows != Shadows::on || from_masks || !render_words.falloff.empty() ||
+                            !render.visible_set.empty())) {
+            throw Failure("--keep",
+                          "transfer vectors of the library are kept, without falloff and visible set; leave "
+                          "--shadows, --brdf, --light, --falloff and --pvs out",
+                          exit_usage);
+        }
+        if (!render.visible_set.empty() && (render.roles.ground || !render.roles.receive_only.empty())) {
+            throw Failure("--pvs", "a set is of meshes that all block; leave --ground and --receive-only out",
+                          exit_usage);
         }
         if (!render_words.window.empty()) parse_window(render_words.window, render);
         run_render(render);

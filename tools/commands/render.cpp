@@ -68,7 +68,8 @@ void run_render(const RenderOptions& options) {
     if (!options.visible_set.empty() && options.shadows != Shadows::on)
         throw Failure("--pvs", "needs --shadows on; leave one of the two out", exit_usage);
     const bool several = options.frames.has_value();
-    const Choice choice = choose(options.model, options.clip, several || options.time.has_value());
+    Choice choice = choose(options.model, options.clip, several || options.time.has_value());
+    assign_roles(choice.scene, options.roles);
     std::vector<double> times{options.time.value_or(0)};
     if (several) {
         times.clear();
@@ -96,7 +97,6 @@ void run_render(const RenderOptions& options) {
         sh_window(*options.window, options.window_width, window);
         sh_apply_window(window, 3, light.data());
     }
-    Engine engine(choice.scene, options.engine, options.model);
 
     // One camera for the whole clip.
     scenes::Pose pose;
@@ -107,9 +107,17 @@ void run_render(const RenderOptions& options) {
             include(framing, positions);
     }
     const Camera camera = frame_camera(framing);
+    if (options.roles.ground) add_ground(choice.scene, times);
+    Engine engine(choice.scene, options.engine, options.model);
+    std::vector<uint8_t> hide, receive;
+    for (const scenes::Mesh& mesh : choice.scene.meshes) {
+        hide.push_back(mesh.hides);
+        receive.push_back(mesh.receives);
+    }
 
     engine.fade(options.falloff);
     if (options.watertight) engine.make_watertight();
+    if (options.keep) engine.keep_still();
     if (!options.visible_set.empty()) engine.use_visible(read_set(options.visible_set), options.visible_set);
     // Lambert's light is a dot product afterwards; glossy light comes with the frame.
     const bool glossy = options.reflectance.kind != Reflectance::Kind::lambert || options.direct;
@@ -139,6 +147,7 @@ void run_render(const RenderOptions& options) {
 
     Progress progress("render");
     float exposure = 0;
+    uint64_t receivers = 0, kept = 0;
     for (size_t k = 0; k < times.size(); ++k) {
         throw_if_interrupted();
         choice.scene.pose(times[k], pose);
@@ -146,8 +155,9 @@ void run_render(const RenderOptions& options) {
             engine.choose_segment(
                 segment_at(times[k], choice.scene.duration, engine.visible_info().segments));
         const Assembly all = assemble(choice.scene, pose);
-        const TraceScene traced = make_trace_scene(all);
-        const View view = cast_view(traced, camera, options.width, options.height);
+        const Assembly drawn = triangles_of(all, choice.scene, receive);
+        const View view = cast_view(make_trace_scene(drawn), camera, options.width, options.height);
+        const TraceScene traced = make_trace_scene(triangles_of(all, choice.scene, hide));
         std::vector<float> open = open_transfers(all.normals);
         const auto tell = [&](double part) {
             progress.show((static_cast<double>(k) + part) / static_cast<double>(times.size()));
@@ -175,7 +185,9 @@ void run_render(const RenderOptions& options) {
         };
         std::vector<float> transfer;
         if (options.shadows == Shadows::on) {
-            engine.frame(pose, options.quality, transfer, nullptr, &shown);
+            const FrameStats stats = engine.frame(pose, options.quality, transfer, nullptr, &shown);
+            receivers += stats.receivers;
+            kept += stats.receivers_reused;
         } else {
             transfer = transfers(all);
             if (two_sided) backs.transfer = transfers(turned_over(all));
@@ -185,7 +197,7 @@ void run_render(const RenderOptions& options) {
         if (k == 0) {
             const std::vector<glm::vec3> white(all.positions.size(), glm::vec3(1));
             exposure =
-                exposure_for(color_view(view, all, engine.shade(light.data(), open, white)), view.covered);
+                exposure_for(color_view(view, drawn, engine.shade(light.data(), open, white)), view.covered);
         }
         char name[32];
         std::snprintf(name, sizeof name, "frame_%04zu.png", k);
@@ -201,7 +213,7 @@ void run_render(const RenderOptions& options) {
             behind.has_back = all.two_sided;
             if (options.two_sided == TwoSided::all) behind.has_back.assign(all.positions.size(), 1);
         }
-        const Image colored = color_view(view, all, colours_of(transfer, shown), behind);
+        const Image colored = color_view(view, drawn, colours_of(transfer, shown), behind);
         const Picture picture = options.show == Show::radiance
                                     ? finish_view(view, colored, exposure, &environment)
                                     : show_view(view, colored);
@@ -211,6 +223,10 @@ void run_render(const RenderOptions& options) {
     out.commit();
     std::printf("%s: %zu frame%s of %u x %u\n", printable(out.path()).c_str(), times.size(),
                 times.size() == 1 ? "" : "s", options.width, options.height);
+    if (options.keep)
+        std::printf("kept: %.1f %% of the receivers, as nothing had changed for them\n",
+                    100.0 * static_cast<double>(kept) /
+                        static_cast<double>(std::max<uint64_t>(receivers, 1)));
 }
 
 } // namespace nusselt::tools

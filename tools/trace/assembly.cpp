@@ -29,6 +29,16 @@ Assembly assemble(const scenes::Scene& scene, const scenes::Pose& pose) {
     return all;
 }
 
+Assembly triangles_of(const Assembly& all, const scenes::Scene& scene, const std::vector<uint8_t>& meshes) {
+    Assembly part = all;
+    part.indices.clear();
+    for (size_t m = 0; m < scene.meshes.size(); ++m) {
+        for (size_t k = 0; meshes[m] && k < scene.meshes[m].indices.size(); ++k)
+            part.indices.push_back(all.mesh_begin[m] + scene.meshes[m].indices[k]);
+    }
+    return part;
+}
+
 void grow(Bounds& bounds, const std::vector<glm::vec3>& positions) {
     for (const glm::vec3& p : positions) {
         if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z)) continue;

@@ -21,6 +21,9 @@ struct Assembly {
 
 Assembly assemble(const scenes::Scene& scene, const scenes::Pose& pose);
 
+// The same vertices with the triangles of some of the scene's meshes, one flag each.
+Assembly triangles_of(const Assembly& all, const scenes::Scene& scene, const std::vector<uint8_t>& meshes);
+
 struct Bounds {
     glm::vec3 low{0}, high{0};
     bool empty = true;
