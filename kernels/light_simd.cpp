@@ -22,6 +22,8 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
+#include "kernels/classify_blocks.inl"
+
 using Float = hn::CappedTag<float, lanes>;
 using Word = hn::RebindToUnsigned<Float>;
 using Int = hn::RebindToSigned<Float>;
@@ -52,20 +54,6 @@ HWY_INLINE hn::Vec<Int> levels_of(V value, V inverse, int bits) {
     const int32_t middle = 1 << bits;
     const V above = hn::Add(hn::Mul(value, inverse), constant(float(middle) + 0.5f));
     return hn::Min(hn::Sub(hn::ConvertTo(di, above), hn::Set(di, middle)), hn::Set(di, middle - 1));
-}
-
-// Of 64 blocks: those wholly blocked, and those wholly open.
-HWY_INLINE void classify(const uint8_t* mask, uint64_t& full, uint64_t& open) {
-    const hn::CappedTag<uint16_t, 32> d;
-    constexpr uint32_t step = hn::MaxLanes(hn::CappedTag<uint16_t, 32>());
-    uint8_t all[16] = {}, none[16] = {};
-    for (uint32_t i = 0; i < 64; i += step) {
-        const auto bits = hn::Load(d, reinterpret_cast<const uint16_t*>(mask) + i);
-        hn::StoreMaskBits(d, hn::Eq(bits, hn::Set(d, 0xFFFF)), all + i / 8);
-        hn::StoreMaskBits(d, hn::Eq(bits, hn::Zero(d)), none + i / 8);
-    }
-    std::memcpy(&full, all, 8);
-    std::memcpy(&open, none, 8);
 }
 
 void shade_batch(const float light[75], const float transfer[3][25][lanes], float rgb[3][lanes]) {
@@ -377,7 +365,7 @@ void integrate_lane(const Tables& tables, const CellTables& cells, const uint8_t
     uint16_t in_core[most_blocks];
     uint32_t core_count = 0;
     for (uint32_t i = 0; i < blocks / 64; ++i) {
-        classify(mask + 128 * i, full[i], open[i]);
+        classify_blocks(mask + 128 * i, full[i], open[i]);
         for (uint64_t rest = at.core[i] & ~full[i]; rest; rest &= rest - 1)
             in_core[core_count++] = uint16_t(64 * i + uint32_t(__builtin_ctzll(rest)));
     }

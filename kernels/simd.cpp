@@ -26,6 +26,7 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
+#include "kernels/classify_blocks.inl"
 #include "kernels/sh_formulas.inl"
 
 using Float = hn::CappedTag<float, lanes>;
@@ -796,22 +797,6 @@ void integrate_blocks(const Tables& tables, const uint8_t* mask, float* sum) {
         hn::Store(rest[i], df, sum + i * width);
 }
 
-// The blocks of 64 that are blocked wholly, and those that are in part.
-HWY_INLINE void classify(const uint8_t* mask, uint64_t& full, uint64_t& partial) {
-    const hn::CappedTag<uint16_t, 32> d;
-    constexpr uint32_t step = hn::MaxLanes(hn::CappedTag<uint16_t, 32>());
-    uint8_t all[16] = {}, none[16] = {};
-    for (uint32_t i = 0; i < 64; i += step) {
-        const auto bits = hn::Load(d, reinterpret_cast<const uint16_t*>(mask) + i);
-        hn::StoreMaskBits(d, hn::Eq(bits, hn::Set(d, 0xFFFF)), all + i / 8);
-        hn::StoreMaskBits(d, hn::Eq(bits, hn::Zero(d)), none + i / 8);
-    }
-    uint64_t open;
-    std::memcpy(&full, all, 8);
-    std::memcpy(&open, none, 8);
-    partial = ~(full | open);
-}
-
 // The first `columns` terms, 8, 16 or 32.
 template<uint32_t columns>
 void integrate_bits(const Tables& tables, const uint8_t* mask, float* sum, Counters& counters) {
@@ -826,8 +811,9 @@ void integrate_bits(const Tables& tables, const uint8_t* mask, float* sum, Count
             rest[i] = hn::Sub(rest[i], hn::Load(d, row + i * step));
     };
     for (uint32_t first = 0; first < mask_blocks(tables.layout); first += 64) {
-        uint64_t full, partial;
-        classify(mask + 2 * first, full, partial);
+        uint64_t full, open;
+        classify_blocks(mask + 2 * first, full, open);
+        uint64_t partial = ~(full | open);
         counters.blocks_partial += static_cast<uint32_t>(__builtin_popcountll(partial));
         counters.blocks_uniform += 64 - static_cast<uint32_t>(__builtin_popcountll(partial));
         for (; full; full &= full - 1)
@@ -865,10 +851,11 @@ void integrate(const Tables& tables, const uint8_t* masks, uint32_t valid, bool 
             if (per_block) {
                 integrate_blocks(tables, mask, sum);
                 for (uint32_t first = 0; first < blocks; first += 64) {
-                    uint64_t full, partial;
-                    classify(mask + 2 * first, full, partial);
-                    counters.blocks_partial += static_cast<uint32_t>(__builtin_popcountll(partial));
-                    counters.blocks_uniform += 64 - static_cast<uint32_t>(__builtin_popcountll(partial));
+                    uint64_t full, open;
+                    classify_blocks(mask + 2 * first, full, open);
+                    const auto uniform = static_cast<uint32_t>(__builtin_popcountll(full | open));
+                    counters.blocks_partial += 64 - uniform;
+                    counters.blocks_uniform += uniform;
                 }
             } else {
                 bits(tables, mask, sum, counters);

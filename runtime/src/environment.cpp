@@ -41,12 +41,14 @@ uint64_t read_panorama(const EnvironmentDesc& desc, Panorama& out) {
             const float* rgb = desc.rgb + 3 * at;
             double* pixel = out.pixels.data() + 4 * at;
             pixel[3] = area;
-            bool good = true;
-            for (uint32_t c = 0; c < 3; ++c)
+            bool good = true, bright = false;
+            for (uint32_t c = 0; c < 3; ++c) {
                 good = good && std::isfinite(rgb[c]) && rgb[c] >= 0;
-            bad += !good;
+                bright = bright || rgb[c] > brightest;
+            }
+            bad += !good || bright;
             for (uint32_t c = 0; good && c < 3; ++c)
-                pixel[c] = double(rgb[c]) * area;
+                pixel[c] = double(std::min(rgb[c], brightest)) * area;
         }
     }
     return bad;
@@ -127,7 +129,7 @@ void filter(const Panorama& image, const double d[3], double sigma, float out[4]
         std::copy(pixel, pixel + 4, sum);
     }
     for (uint32_t c = 0; c < 4; ++c)
-        out[c] = c < 3 ? static_cast<float>(std::min(sum[c] / sum[3], 3e38)) : 0.0f;
+        out[c] = c < 3 ? static_cast<float>(sum[c] / sum[3]) : 0.0f;
 }
 
 } // namespace

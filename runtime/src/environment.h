@@ -7,6 +7,10 @@
 
 namespace nusselt {
 
+// Brighter pixels count as this: an environment all of it has SH coefficients below 3e36, 25 products with a
+// transfer vector stay finite, and so do the sums over a mask's blocks.
+constexpr float brightest = 1e35f;
+
 struct Environment {
     explicit Environment(const Allocator& a) : texels(HostAllocator<float>(a)) {}
 

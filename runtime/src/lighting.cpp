@@ -22,9 +22,6 @@ struct Double {
 
 constexpr double pi = 3.14159265358979323846;
 
-// An environment all of it has coefficients below 3e36, and 25 products with a transfer vector stay finite.
-constexpr float brightest = 1e35f;
-
 // The light's bands up to the last that is not zero; at least one.
 uint32_t bands_of(const float light[75], uint32_t most) {
     uint32_t terms = most * most;

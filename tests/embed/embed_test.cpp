@@ -299,8 +299,17 @@ struct MemoryTest : testing::Test {
         ASSERT_TRUE(remove_mesh(context, id).ok());
     }
 
+    float number() { return float(random() % 20001) / 10000 - 1; }
+    std::vector<glm::vec3> cloud(size_t count) {
+        std::vector<glm::vec3> points(count);
+        for (glm::vec3& p : points)
+            p = {number(), number(), number()};
+        return points;
+    }
+
     CountingAllocator allocator;
     Context* context = nullptr;
+    std::minstd_rand random{7};
 };
 
 TEST_F(MemoryTest, BoundHoldsForTheScenes) {
@@ -311,14 +320,6 @@ TEST_F(MemoryTest, BoundHoldsForTheScenes) {
 }
 
 TEST_F(MemoryTest, BoundHoldsForWhatNobodyModels) {
-    std::minstd_rand random(7);
-    const auto number = [&] { return float(random() % 20001) / 10000 - 1; };
-    const auto cloud = [&](size_t count) {
-        std::vector<glm::vec3> points(count);
-        for (glm::vec3& p : points)
-            p = {number(), number(), number()};
-        return points;
-    };
     const auto numbered = [](size_t count) {
         std::vector<uint32_t> indices(count);
         for (size_t i = 0; i < count; ++i)
@@ -372,14 +373,7 @@ TEST_F(MemoryTest, BoundHoldsForWhatNobodyModels) {
 // What the bound is made of grows apart: triangles without vertices, rings without triangles, levels that
 // close holes, triangles that are each there many times.
 TEST_F(MemoryTest, BoundHoldsWhereVerticesTrianglesAndRingsPart) {
-    std::minstd_rand random(8);
-    const auto number = [&] { return float(random() % 20001) / 10000 - 1; };
-    const auto cloud = [&](size_t count) {
-        std::vector<glm::vec3> points(count);
-        for (glm::vec3& p : points)
-            p = {number(), number(), number()};
-        return points;
-    };
+    random.seed(8);
     for (const uint32_t vertices : {4u, 30u, 200u, 400u, 8000u}) {
         std::vector<uint32_t> indices(3 * 12000);
         for (uint32_t& index : indices)

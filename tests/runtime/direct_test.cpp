@@ -186,6 +186,40 @@ TEST(Direct, SameBitsOnEveryInstructionSet) {
     }
 }
 
+// S8, as ShProject's: pixels as bright as floats go, and worse: finite radiance, and told. Diffuse, and of a
+// mirror that gathers what a whole hemisphere sends.
+TEST(Direct, RadianceOutOfRangeIsClampedAndTold) {
+    Engine engine;
+    const scenes::Mesh mesh = points({{0, 0, 0}}, {{0, 0.6f, 0.8f}});
+    const Posed posed = at_rest(add(engine.context, mesh), mesh);
+    const float white[3] = {1, 1, 1};
+    const Material metal = metallic_roughness(white, 1, 0);
+    Gloss gloss;
+    gloss.eye[1] = 3;
+    gloss.materials = &metal;
+    gloss.material_count = 1;
+    for (const float value : {1e35f, 1e36f, 1e38f, 3.4e38f, INFINITY, -INFINITY, std::nanf(""), -1e38f}) {
+        const std::vector<float> rgb(3 * 8 * 4, value);
+        EnvironmentDesc desc;
+        desc.rgb = rgb.data();
+        desc.width = 8;
+        desc.height = 4;
+        Environment* made = nullptr;
+        uint64_t bad = 0;
+        ASSERT_TRUE(create_environment(engine.context, desc, &made, &bad).ok());
+        EXPECT_EQ(bad, value == 1e35f ? 0u : 32u) << value;
+        const float expected = value >= 1e35f && std::isfinite(value) ? 1e35f : 0;
+        for (const Gloss* with : {static_cast<const Gloss*>(nullptr), static_cast<const Gloss*>(&gloss)}) {
+            const glm::vec3 c = run(engine.context, {posed}, made, Quality::standard, with)[0];
+            for (int k = 0; k < 3; ++k) {
+                EXPECT_TRUE(std::isfinite(c[k])) << value;
+                EXPECT_NEAR(c[k], expected, with ? 0.2f * expected : 2e33f) << value;
+            }
+        }
+        destroy_environment(engine.context, made);
+    }
+}
+
 TEST(Direct, BadInput) {
     Engine engine;
     std::vector<float> rgb = constant_sky(1, 1, 1);

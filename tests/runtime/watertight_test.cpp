@@ -83,28 +83,6 @@ TEST(Watertight, RealHolesStayOpen) {
     }
 }
 
-// Elsewhere not a bit changes but from open to blocked, and few do.
-TEST(Watertight, ChangesNearlyClosedMasksAlone) {
-    Engine engine;
-    for (const char* name : {"hand", "chess"}) {
-        const scenes::Scene scene = scenes::builtin(name);
-        const std::vector<Posed> frame = posed(scene, add_all(engine.context, scene), 0.5 * scene.duration);
-        const Outputs loose = run_frame(engine.context, frame);
-        const Outputs tight = run_frame(engine.context, frame, watertight(Quality::standard));
-        for (size_t m = 0; m < frame.size(); ++m) {
-            for (size_t v = 0; v < loose.meshes[m].transfer.size(); ++v) {
-                const uint32_t before = blocked_bits(loose.meshes[m], v),
-                               after = blocked_bits(tight.meshes[m], v);
-                if (before < 1024 - 16) {
-                    EXPECT_TRUE(same_result(loose.meshes[m], tight.meshes[m], v)) << name << " " << v;
-                } else {
-                    EXPECT_GE(after, before) << name << " " << v;
-                }
-            }
-        }
-    }
-}
-
 TEST(Watertight, HistoriesAndVisibleSetsKnowIt) {
     Room room(points_within(1, 160), shell(4));
     Context* const context = room.engine.context;

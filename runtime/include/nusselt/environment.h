@@ -21,8 +21,9 @@ struct EnvironmentDesc {
 };
 
 // Filters the environment to the cells (about 0.1 s for 1024 bits, 0.4 s for 4096; 0.5 and 2.1 MB held).
-// Pixels that are not finite or negative count as 0 and are counted in *bad (may be null).
-// `invalid_argument`: null, empty or more than 2^28 pixels, or other mask bits.
+// Pixels that are not finite or negative count as 0, those above 1e35 as 1e35 (so that radiance stays
+// finite), and both are counted in *bad (may be null), as sh_project_latlong has it. `invalid_argument`:
+// null, empty or more than 2^28 pixels, or other mask bits.
 Status create_environment(Context* context, const EnvironmentDesc& desc, Environment** out,
                           uint64_t* bad = nullptr);
 
