@@ -82,10 +82,10 @@ std::vector<Source> choose_sources(const CompareOptions& options) {
     return subjects;
 }
 
-scenes::Scene load_source(const Source& subject, const std::string& clip) {
+scenes::Scene load_source(const Source& source, const std::string& clip) {
     scenes::Scene scene =
-        subject.path.empty() ? scenes::builtin(subject.label) : choose(subject.path, clip, true).scene;
-    scene.name = subject.label;
+        source.path.empty() ? scenes::builtin(source.label) : choose(source.path, clip, true).scene;
+    scene.name = source.label;
     return scene;
 }
 
@@ -102,11 +102,12 @@ std::string read_text(const std::string& path) {
     return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
 }
 
-// Glossy and direct light on every built-in scene, the crowd on the boxers; elsewhere what is asked for.
+// Glossy, direct light and visible sets on every built-in scene, the crowd on the boxers; elsewhere what is
+// asked for.
 std::vector<std::string> studies_of(const CompareOptions& options, const std::string& label) {
     if (!options.studies.empty()) return options.studies;
     if (!options.models.empty() || options.scene != "all" || options.quick) return {};
-    std::vector<std::string> topics{"glossy", "direct"};
+    std::vector<std::string> topics{"glossy", "direct", "pvs"};
     if (label == "fight") topics.emplace_back("objects");
     return topics;
 }

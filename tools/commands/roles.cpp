@@ -60,7 +60,8 @@ void add_ground(scenes::Scene& scene, const std::vector<double>& times) {
     ground.name = "ground";
     ground.hides = false;
     for (uint32_t k = 0; k < side * side; ++k) {
-        ground.rest_positions.emplace_back(middle.x + along(k % side), bounds.low.y, middle.z + along(k / side));
+        ground.rest_positions.emplace_back(middle.x + along(k % side), bounds.low.y,
+                                           middle.z + along(k / side));
         ground.rest_normals.emplace_back(0, 1, 0);
         ground.albedo.emplace_back(0.6f);
         if (k % side + 1 == side || k / side + 1 == side) continue;

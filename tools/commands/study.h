@@ -46,6 +46,7 @@ std::vector<uint32_t> choose_receivers(size_t vertices, size_t most);
 // The topics.
 Study study_glossy(const Subject& subject, const StudyOptions& options);
 Study study_direct(const Subject& subject, const StudyOptions& options);
+Study study_pvs(const Subject& subject, const StudyOptions& options);
 Study study_objects(const Subject& subject, const StudyOptions& options);
 
 } // namespace nusselt::tools

@@ -346,6 +346,7 @@ sized("Cost of a vertex against triangles", "triangles", "triangles", e => e.us_
 
 const topics = { glossy: "Glossy surfaces: processor time over diffuse transfer, instead of it and beside it; error against rays",
   direct: "Direct light beside 25 terms: processor time over transfer alone; error of the radiance against rays into the light itself",
+  pvs: "Potentially visible sets of the animation: triangles looked at a receiver, processor time over culling alone; error half-way between recorded frames",
   objects: "Many objects: processor time over the sum of their times alone; error of all, as one object, and each alone" };
 for (const study of report.studies) {
   const card = make("div", document.getElementById("studies"), undefined, "card"), head = make("div", card, undefined, "head");
@@ -388,6 +389,14 @@ if (pairs.length) {
   both("triangles considered a vertex", () => "-", x => x.e.work.per_receiver.triangles_considered.toFixed(1));
   both("frames a second", x => x.p.fps.toFixed(1), x => x.e.fps.toFixed(0));
   both("the same with their PVS", x => given(x.p.fps_pvs), () => "-");
+  const sets = (s, column) => {
+    const study = report.studies.find(t => t.scene === s.name && t.topic === "pvs"), row = study && study.rows.find(r => r[0] === "standard");
+    return row ? row[study.columns.indexOf(column)] : "-";
+  };
+  both("standard: triangles looked at", () => "-", x => sets(x.s, "looked at"));
+  both("the same with a visible set", () => "-", x => sets(x.s, "with a set"));
+  both("standard: frames a second", () => "-", x => sets(x.s, "frames a second"));
+  both("the same with a visible set", () => "-", x => sets(x.s, "the same with"));
   both("mean L2 error, %", x => percent(x.p.error), x => percent(x.e.error.all.mean));
   const share = (e, names) => names.reduce((sum, name) => sum + e.work.stages[name], 0);
   both("rasterization, % of time", x => percent(x.p.stages.raster), x => percent(share(x.e, ["raster"])));

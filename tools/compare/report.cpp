@@ -433,6 +433,19 @@ std::string markdown_studies(const Comparison& comparison) {
     return out;
 }
 
+// What the study of visible sets says of quality standard; "-" where it was not made.
+std::string set_figure(const Comparison& comparison, const std::string& scene, const std::string& column) {
+    for (const StudyReport& study : comparison.studies) {
+        if (study.scene != scene || study.topic != "pvs") continue;
+        const std::vector<std::string>& names = study.table.columns;
+        const auto at = std::find(names.begin(), names.end(), column) - names.begin();
+        for (const std::vector<std::string>& row : study.table.rows) {
+            if (row[0] == "standard") return row[static_cast<size_t>(at)];
+        }
+    }
+    return "-";
+}
+
 std::string markdown_tables(const Comparison& comparison) {
     std::string out;
     out += format(
@@ -520,6 +533,16 @@ std::string markdown_tables(const Comparison& comparison) {
         });
     row(
         "the same with their PVS", [&](const PaperRow& p) { return given(p.fps_pvs); }, takes_none);
+    // Quality paper takes no sets; ours are of levels of detail.
+    const auto none = [](const PaperRow&) { return std::string("-"); };
+    const auto with_sets = [&](const char* name, const char* column) {
+        row(name, none,
+            [&](const SceneReport& s, const Entry&) { return set_figure(comparison, s.name, column); });
+    };
+    with_sets("`standard`: triangles looked at", "looked at");
+    with_sets("the same with a visible set", "with a set");
+    with_sets("`standard`: frames a second", "frames a second");
+    with_sets("the same with a visible set", "the same with");
     row(
         "mean L2 error, %", [&](const PaperRow& p) { return percent(p.error); },
         [&](const SceneReport&, const Entry& e) { return percent(e.all.each.mean); });
