@@ -20,7 +20,7 @@ struct Means {
 
 Study study_pvs(const Subject& subject, const StudyOptions& options) {
     Study study;
-    study.table.columns = {"quality", "bytes",        "looked at",   "with a set",    "drawn",
+    study.table.columns = {"quality", "bytes",           "looked at",     "with a set",    "drawn",
                            "time",    "frames a second", "the same with", "error between", "worst"};
     const uint32_t recorded = options.quick ? 10 : 40;
     const auto moment = [&](double frame) { return subject.scene.duration * frame / (recorded - 1); };
@@ -53,9 +53,9 @@ Study study_pvs(const Subject& subject, const StudyOptions& options) {
                 means.drawn = static_cast<double>(stats.triangles_rasterized) / receivers;
                 return stats.cpu_ms;
             };
-            const std::vector<double> times = measure_in_turns(
-                options.quick ? 5 : 15,
-                {[&] { return timed(false, all, without); }, [&] { return timed(true, set, with); }});
+            const std::vector<double> times =
+                measure_in_turns(options.quick ? 5 : 15, {[&] { return timed(false, all, without); },
+                                                          [&] { return timed(true, set, with); }});
             if (all != set)
                 throw Failure(subject.name, "a set changed a frame that was recorded; please report it");
             without.ms += times[0] / tried;
@@ -72,11 +72,11 @@ Study study_pvs(const Subject& subject, const StudyOptions& options) {
             std::snprintf(out, sizeof out, format, value);
             return std::string(out);
         };
-        study.table.rows.push_back(
-            {quality_name(quality), std::to_string(bytes.size()), text("%.0f", without.looked_at),
-             text("%.0f", with.looked_at), text("%.0f", with.drawn), text("%.2f x", with.ms / without.ms),
-             text("%.0f", 1e3 / without.ms), text("%.0f", 1e3 / with.ms), text("%.4f %%", 100 * error),
-             text("%.1f %%", 100 * worst)});
+        study.table.rows.push_back({quality_name(quality), std::to_string(bytes.size()),
+                                    text("%.0f", without.looked_at), text("%.0f", with.looked_at),
+                                    text("%.0f", with.drawn), text("%.2f x", with.ms / without.ms),
+                                    text("%.0f", 1e3 / without.ms), text("%.0f", 1e3 / with.ms),
+                                    text("%.4f %%", 100 * error), text("%.1f %%", 100 * worst)});
         options.progress(++done / std::size(qualities));
     }
     return study;

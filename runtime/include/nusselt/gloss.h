@@ -9,13 +9,11 @@ namespace nusselt {
 
 enum class Brdf : uint32_t {
     // diffuse / pi + specular (e + 2) / (2 pi) max(0, r.s)^e, r the mirrored view: as in the paper,
-    // normalised.
-    // Diffuse and specular together should not exceed 1.
+    // normalised. Diffuse and specular together should not exceed 1.
     phong = 0,
     // Trowbridge and Reitz' distribution, Smith's separable shadowing, Schlick's Fresnel term F with
     // `specular` at normal incidence, and diffuse (1 - (1 - v.h)^5) / pi: with metallic_roughness, the BRDF
-    // of
-    // glTF 2.0, appendix B.
+    // of glTF 2.0, appendix B.
     ggx = 1,
 };
 
