@@ -216,6 +216,36 @@ Status visible_set_info(const VisibleSet* set, VisibleSetInfo* out) {
     return {};
 }
 
+Status visible_set_parts(Context* context, const VisibleSet* set, uint32_t segment, uint32_t number,
+                         MeshId mesh, float* parts, size_t count) {
+    const auto bad = [](const char* text) { return Status{StatusCode::invalid_argument, text}; };
+    if (!context || !set || !parts)
+        return bad("no answer: the context, the set or the memory is null; give all three");
+    const std::lock_guard lock(context->guard);
+    const MeshSlot* const slot = find_mesh(*context, mesh);
+    if (!slot)
+        return {StatusCode::stale_handle,
+                "no answer: the mesh handle is not of this context; it was removed, or is another context's"};
+    const MeshData& data = *slot->data;
+    if (segment >= set->segments || number >= set->meshes.size() ||
+        set->meshes[number].identity != data.identity || count != data.vertex_count)
+        return bad("no answer: the set has no such segment or mesh, or the count is not that of the mesh's "
+                   "vertices; give those that it was made of");
+    const auto fill = [&](const Vector<uint32_t>& vertices, uint32_t first_row) {
+        for (size_t i = 0; i < vertices.size(); ++i) {
+            const uint32_t* const row =
+                visible_row(*set, segment, first_row + static_cast<uint32_t>(i / batch_receivers));
+            uint32_t kept = 0;
+            for (uint32_t w = 0; w < set->words; ++w)
+                kept += static_cast<uint32_t>(std::popcount(row[w]));
+            parts[vertices[i]] = static_cast<float>(kept) / static_cast<float>(std::max(set->clusters, 1u));
+        }
+    };
+    fill(data.receivers, set->meshes[number].first_row);
+    fill(data.duplicates, set->meshes[number].first_own_row);
+    return {};
+}
+
 size_t visible_set_bytes(const VisibleSet* set) {
     return set ? bytes_of(*set) : 0;
 }

@@ -429,6 +429,10 @@ void Statuses::of_visible_sets() {
     EXPECT_EQ(none, nullptr);
     ASSERT_TRUE(create_visible_set(context, &mesh, 1, Quality::standard, 1, &set).ok());
     provoke(visible_set_info(nullptr, &info), bad);
+    float parts[3];
+    provoke(visible_set_parts(nullptr, set, 0, 0, mesh, parts, 3), bad);
+    provoke(visible_set_parts(context, set, 1, 0, mesh, parts, 3), bad);
+    provoke(visible_set_parts(context, set, 0, 0, gone, parts, 3), StatusCode::stale_handle);
 
     // Header of 40 bytes (magic, version, quality, meshes, segments, rows, clusters, recorded, watertight),
     // an identity and whether it has a back for each mesh, bits, checksum.

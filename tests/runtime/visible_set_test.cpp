@@ -113,6 +113,34 @@ TEST(VisibleSet, HoldsForReceiversNotForBatches) {
     EXPECT_EQ(with(engine.context, {frame}, set, Quality::standard, 0), run_frame(engine.context, {frame}));
 }
 
+// A mesh's parts, each weighed by its batch, are the set's.
+TEST(VisibleSet, TellsWhereItHelps) {
+    Engine engine;
+    const scenes::Scene scene = scenes::builtin("hand");
+    const std::vector<MeshId> meshes = add_all(engine.context, scene);
+    const Set set(engine.context, meshes, Quality::draft, 2);
+    recorded(engine.context, posed(scene, meshes, 0.5), set, Quality::draft, 1);
+    const size_t count = scene.meshes[0].rest_positions.size();
+    std::vector<float> parts(count, -1);
+    ASSERT_TRUE(visible_set_parts(engine.context, set.set, 0, 0, meshes[0], parts.data(), count).ok());
+    EXPECT_EQ(parts, std::vector<float>(count, 0)); // nothing was recorded there
+    ASSERT_TRUE(visible_set_parts(engine.context, set.set, 1, 0, meshes[0], parts.data(), count).ok());
+    double mean = 0;
+    float least = 1, most = 0;
+    for (const float part : parts) {
+        mean += double(part) / double(count);
+        least = std::min(least, part);
+        most = std::max(most, part);
+    }
+    EXPECT_GE(least, 0);
+    EXPECT_LT(most, 0.6f);
+    EXPECT_GT(most, 2 * least);
+    EXPECT_NEAR(mean, 2 * set.info().kept, 0.01); // of the two segments one is empty
+    EXPECT_FALSE(visible_set_parts(engine.context, set.set, 2, 0, meshes[0], parts.data(), count).ok());
+    EXPECT_FALSE(visible_set_parts(engine.context, set.set, 0, 1, meshes[0], parts.data(), count).ok());
+    EXPECT_FALSE(visible_set_parts(engine.context, set.set, 0, 0, meshes[0], parts.data(), 7).ok());
+}
+
 // What matters to either side, for frames of both and of one.
 TEST(VisibleSet, HoldsForBothSides) {
     Engine engine;

@@ -502,6 +502,10 @@ TEST_F(Program, VisibleSetsOfAClip) {
     expect_failure(1, "transfer slide.gltf --out out --pvs box.obj",
                    {"box.obj", "no potentially visible set"});
     expect_failure(1, "transfer slide.gltf --out out --pvs missing.pvs", {"missing.pvs"});
+    const Outcome heat = run(picture + "heat --show visible-set --pvs slide.pvs");
+    ASSERT_EQ(heat.code, 0) << heat.err;
+    EXPECT_NE(heat.out.find("of the clusters are looked at"), std::string::npos) << heat.out;
+    expect_failure(2, picture + "out --show visible-set", {"--pvs"});
     // A leaf's backs are recorded too, unless told otherwise.
     ASSERT_NE(run("pvs leaf.gltf --out leaf.pvs --frames 2").out.find("both sides"), std::string::npos);
     const std::string leaf = "render leaf.gltf --size 64x48 --time 0.5 --out ";

@@ -38,8 +38,9 @@ struct TransferOptions {
 void run_transfer(const TransferOptions& options);
 
 enum class Shadows { off, on, traced };
-// What a picture shows: light, or an output as colours (bent normals as (n + 1) / 2).
-enum class Show { radiance, ambient_occlusion, bent_normal };
+// What a picture shows: light, an output as colours (bent normals as (n + 1) / 2), or how much of the
+// blockers a set has each vertex look at.
+enum class Show { radiance, ambient_occlusion, bent_normal, visible_set };
 
 struct RenderOptions {
     std::string model, out, clip;

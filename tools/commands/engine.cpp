@@ -229,6 +229,17 @@ VisibleSetInfo Engine::visible_info() const {
     return info;
 }
 
+std::vector<float> Engine::visible_parts() const {
+    std::vector<float> parts;
+    for (uint32_t m = 0; m < meshes_.size(); ++m) {
+        const size_t first = parts.size(), count = mesh(m).vertices;
+        parts.resize(first + count);
+        check(visible_set_parts(context_, visible_, visible_segment_, m, meshes_[m], parts.data() + first,
+                                count));
+    }
+    return parts;
+}
+
 void Engine::surround(const Image& environment, Quality quality) {
     destroy_environment(context_, environment_);
     environment_ = nullptr;

@@ -86,6 +86,9 @@ public:
     void use_visible(const std::string& bytes, const std::string& name);
     void use_visible(bool wanted) { visible_role_ = wanted ? VisibleRole::used : VisibleRole::none; }
     VisibleSetInfo visible_info() const;
+    // Of each vertex of all meshes, the part of the clusters that the set has it look at, in the segment
+    // chosen.
+    std::vector<float> visible_parts() const;
     // The segment that frames are recorded into, or look at.
     void choose_segment(uint32_t segment) { visible_segment_ = segment; }
 

@@ -74,8 +74,10 @@ Show parse_show(const std::string& name) {
     if (name == "radiance") return Show::radiance;
     if (name == "ambient-occlusion") return Show::ambient_occlusion;
     if (name == "bent-normal") return Show::bent_normal;
+    if (name == "visible-set") return Show::visible_set;
     throw Failure("--show",
-                  "there is no '" + name + "'; choose one of radiance, ambient-occlusion, bent-normal",
+                  "there is no '" + name +
+                      "'; choose one of radiance, ambient-occlusion, bent-normal, visible-set",
                   exit_usage);
 }
 
@@ -366,8 +368,11 @@ void parse_and_run(int argc, const char* const* argv) {
         ->type_name("N")
         ->capture_default_str();
     render_command
-        ->add_option("--show", render_words.show,
-                     "radiance, ambient-occlusion, or bent-normal, the latter two as the library writes them")
+        ->add_option(
+            "--show", render_words.show,
+            "radiance; ambient-occlusion or bent-normal, as the library writes them; visible-set: how "
+            "much of the blockers the set of --pvs has each vertex look at, from none (blue) to the "
+            "most (orange)")
         ->type_name("WHAT")
         ->capture_default_str();
     render_command
@@ -523,6 +528,8 @@ void parse_and_run(int argc, const char* const* argv) {
             throw Failure("--show", "what is not radiance comes from the library; leave --shadows out",
                           exit_usage);
         }
+        if (render.show == Show::visible_set && render.visible_set.empty())
+            throw Failure("--show", "visible-set is of a set; give one with --pvs", exit_usage);
         parse_size(render_words.size, render.width, render.height);
         render.two_sided = parse_two_sided(render_words.two_sided);
         at_least_one("--rays", render.rays, 1u << 20);

@@ -55,6 +55,18 @@ std::vector<float> as_colours(const StreamArray& stream) {
     return colours;
 }
 
+// Numbers in [0, 1], from blue to orange.
+std::vector<float> as_heat(const std::vector<float>& parts, float most) {
+    constexpr glm::vec3 cold(0.10f, 0.20f, 0.55f), warm(1, 0.55f, 0.10f);
+    std::vector<float> colours;
+    for (const float part : parts) {
+        const float t = most > 0 ? part / most : 0;
+        for (int c = 0; c < 3; ++c)
+            colours.push_back(cold[c] + (warm[c] - cold[c]) * t);
+    }
+    return colours;
+}
+
 // Seen from behind.
 Assembly turned_over(Assembly all) {
     for (glm::vec3& normal : all.normals)
@@ -146,7 +158,7 @@ void run_render(const RenderOptions& options) {
     if (two_sided) engine.see_backs(options.two_sided, &backs);
 
     Progress progress("render");
-    float exposure = 0;
+    float exposure = 0, most_looked_at = 0;
     uint64_t receivers = 0, kept = 0;
     for (size_t k = 0; k < times.size(); ++k) {
         throw_if_interrupted();
@@ -201,7 +213,12 @@ void run_render(const RenderOptions& options) {
         }
         char name[32];
         std::snprintf(name, sizeof name, "frame_%04zu.png", k);
+        std::vector<float> looked_at;
+        if (options.show == Show::visible_set) looked_at = engine.visible_parts();
+        for (const float part : looked_at)
+            most_looked_at = std::max(most_looked_at, part);
         const auto colours_of = [&](std::vector<float>& side, const std::vector<StreamArray>& streams) {
+            if (options.show == Show::visible_set) return as_heat(looked_at, most_looked_at);
             if (options.show != Show::radiance) return as_colours(streams[0]);
             return !glossy           ? engine.shade(light.data(), side, all.albedo)
                    : streams.empty() ? shade_glossy(light, side)
@@ -223,6 +240,8 @@ void run_render(const RenderOptions& options) {
     out.commit();
     std::printf("%s: %zu frame%s of %u x %u\n", printable(out.path()).c_str(), times.size(),
                 times.size() == 1 ? "" : "s", options.width, options.height);
+    if (options.show == Show::visible_set)
+        std::printf("orange: %.1f %% of the clusters are looked at\n", 100 * double(most_looked_at));
     if (options.keep)
         std::printf("kept: %.1f %% of the receivers, as nothing had changed for them\n",
                     100.0 * static_cast<double>(kept) /

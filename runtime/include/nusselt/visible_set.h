@@ -44,6 +44,12 @@ void destroy_visible_set(Context* context, VisibleSet* set);
 
 Status visible_set_info(const VisibleSet* set, VisibleSetInfo* out);
 
+// Where a set helps: for each vertex of its mesh of that number, the part of all clusters that its batch
+// looks at in a segment, 0 to 1. `count` is the mesh's V. `invalid_argument`: null, no such segment or
+// number, or another mesh or count; `stale_handle`: the mesh is gone.
+Status visible_set_parts(Context* context, const VisibleSet* set, uint32_t segment, uint32_t number,
+                         MeshId mesh, float* parts, size_t count);
+
 // The set as a file holds it: versioned, with the identity of its meshes and a checksum. `size` is that of
 // visible_set_bytes.
 size_t visible_set_bytes(const VisibleSet* set);
