@@ -262,10 +262,18 @@ TEST_F(Faults, ReadOnlyFolder) {
     EXPECT_TRUE(leftovers().empty());
 }
 
+// What 100 ms of a processor may last where more wants to run than there are processors.
+double hundred_milliseconds() {
+    double load = 0;
+    if (getloadavg(&load, 1) != 1) return 100;
+    return 100 * std::max(1.0, load / std::max(1u, std::thread::hardware_concurrency()));
+}
+
 // From Ctrl-C to the end, wherever it comes: below 100 ms. Nothing is left, or the whole result is there. The
 // huge model is seconds in the loader, in one call that adds it and in one frame. On a machine that does
 // other things a program may wait that long for a processor: where it took longer the same is tried again at
-// the same instant, up to five times. What is slow by itself is slow again.
+// the same instant, up to five times, and where more wants to run than there are processors it may take as
+// many times longer. What is slow by itself is slow again.
 TEST_F(Faults, Interrupted) {
     write_grid("huge.obj", 400);
     const std::vector<std::vector<std::string>> commands{
@@ -312,7 +320,8 @@ TEST_F(Faults, Interrupted) {
                 fs::remove_all(folder / "made");
                 best = std::min(best, outcome.code != 0 ? ms : 0.0); // 0: it had ended before
             }
-            EXPECT_LT(best, 100) << command[0] << " after " << milliseconds(after) << " ms, five times";
+            EXPECT_LT(best, hundred_milliseconds())
+                << command[0] << " after " << milliseconds(after) << " ms, five times";
             slowest = std::max(slowest, best);
         }
     }
