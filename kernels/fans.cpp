@@ -64,11 +64,6 @@ int holds(const Vec& a, const Vec& b, const Vec& direction) {
     return clockwise ? -1 : 1;
 }
 
-// So near the zenith that rounding decides on which side of it an arc passes.
-bool is_upright(const Vec& p) {
-    return p.z > 0 && p.x * p.x + p.y * p.y < 1e-8f * (p.z * p.z);
-}
-
 // A direction in front of the widest triangle, a hundredth of a radian from the middle of its arc.
 template<class Local>
 Vec find_outside(const Local& local, uint32_t count) {

@@ -257,7 +257,8 @@ uint32_t fan_jobs(const Batch& batch, const float corners[2][3][lanes], uint32_t
         if (!(a.z > 0 || b.z > 0)) continue;
         const float turn = a.x * b.y - a.y * b.x;
         const bool behind = turn < 0; // the arc runs clockwise
-        if (!(turn > 0)) folded |= 1u << lane;
+        const bool leans = !is_upright(a) && !is_upright(b);
+        if (!(turn > 0 && leans)) folded |= 1u << lane;
         // -0: neighbours along the arc look up the same cell for the plane that they share, and leave no
         // crack.
         const Vec normals[3] = {cross(a, b), {-b.y, b.x, 0}, {a.y, -a.x, -0.0f}};
@@ -267,7 +268,7 @@ uint32_t fan_jobs(const Batch& batch, const float corners[2][3][lanes], uint32_t
             valid = valid && !(e & entry_invalid);
             entry[k][lane] = behind ? e ^ entry_complement(layout) : e;
         }
-        if (valid) left |= 1u << lane;
+        if (valid && leans) left |= 1u << lane;
     }
     counters.fan_triangles += bit_count(left);
     add_jobs(layout, entry, corner, left, jobs);

@@ -101,6 +101,15 @@ inline bool in_band(const ClusterView& cluster, uint32_t triangle, const Vec cor
     return near >= 1 && far >= (cluster.two_sided ? 2u : 1u);
 }
 
+// So near the zenith, in squared tangents, that rounding decides on which side of it an arc passes: whether
+// the arc hides what is under it in a quarter of the hemisphere or in none. It hides nothing: the triangle's
+// plane stands upright.
+constexpr float upright = 1e-8f;
+
+inline bool is_upright(const Vec& p) {
+    return p.z > 0 && p.x * p.x + p.y * p.y < upright * (p.z * p.z);
+}
+
 // A triangle whose plane passes a ray's origin no farther off than this is not crossed by it.
 constexpr float crossing_margin = 4e-6f;
 // A plane lies behind a ray's origin where its height and the cosine of ray and normal say so, unless the ray

@@ -722,8 +722,13 @@ uint32_t fan_jobs(const Batch& batch, const float corners[2][3][lanes], uint32_t
         if (!bits_of(drawn)) continue;
         const Vec3 normal[3] = {cross(a, b), Vec3{hn::Neg(b.y), b.x, zero},
                                 Vec3{a.y, hn::Neg(a.x), hn::Neg(zero)}};
-        folded |= bits_of(hn::AndNot(hn::Gt(normal[0].z, zero), drawn)) << lane;
-        free_jobs(layout, corner, normal, hn::Lt(normal[0].z, zero), drawn, lane, jobs,
+        const auto is_upright = [&](const Vec3& p) HWY_ATTR {
+            const V across = hn::Add(hn::Mul(p.x, p.x), hn::Mul(p.y, p.y));
+            return hn::And(hn::Gt(p.z, zero), hn::Lt(across, hn::Mul(constant(upright), hn::Mul(p.z, p.z))));
+        };
+        const M leaning = hn::AndNot(hn::Or(is_upright(a), is_upright(b)), drawn);
+        folded |= bits_of(hn::AndNot(hn::And(hn::Gt(normal[0].z, zero), leaning), drawn)) << lane;
+        free_jobs(layout, corner, normal, hn::Lt(normal[0].z, zero), leaning, lane, jobs,
                   counters.fan_triangles);
     }
     return folded;

@@ -368,13 +368,19 @@ TEST_F(Sets, FanJobs) {
                     if (kind == 3) corners[0][i][lane] = p + size * input.batch.axis[0][i][lane];
                     if (kind == 4) corners[random.below(2)][i][lane] = random.frame_float();
                     if (kind == 5) corners[1][i][lane] = 2 * p - corners[0][i][lane];
+                    if (kind == 6) { // beside the normal, on either side of what counts as upright
+                        const float across = (lane % 2 ? 8e-5f : 1.2e-4f) * input.batch.axis[0][i][lane];
+                        corners[0][i][lane] = p + size * (input.batch.axis[2][i][lane] + across);
+                    }
                 }
             }
             const uint32_t active = hostile ? uint32_t(random.engine()) & 0xFFFF : 0xFFFF;
             Jobs a(2 * lanes), b(2 * lanes);
             Counters counters_a{}, counters_b{};
-            reference->fan_jobs(input.batch, corners, active, l.layout, a.list, counters_a);
-            k->fan_jobs(input.batch, corners, active, l.layout, b.list, counters_b);
+            const uint32_t folded_a =
+                reference->fan_jobs(input.batch, corners, active, l.layout, a.list, counters_a);
+            const uint32_t folded_b = k->fan_jobs(input.batch, corners, active, l.layout, b.list, counters_b);
+            ASSERT_EQ(folded_a, folded_b) << l.name << " seed " << seed;
             ASSERT_EQ(a.sorted(), b.sorted()) << l.name << " seed " << seed;
             ASSERT_TRUE(same_counters(counters_a, counters_b)) << l.name << " seed " << seed;
             total += a.list.count;

@@ -94,6 +94,79 @@ TEST(Contact, AtTheFootOfAnUprightWall) {
     }
 }
 
+// A sheet that stands upright on its own corner, but for rounding, hides nothing: it is seen edge-on. To
+// whichever side it leaned, a quarter of the hemisphere was under it.
+TEST(Contact, AnUprightSheetHidesNothingFromItsFoot) {
+    Engine engine;
+    for (uint64_t seed = 0; seed < 200; ++seed) {
+        Random random(seed);
+        const float lean = random.between(-2e-6f, 2e-6f);
+        Mesh sheet;
+        sheet.rest_positions = {{0, 0, 0}, {lean, 0, 1}, {0, 1, 0}};
+        sheet.rest_normals.assign(3, {0, 0, 1});
+        sheet.indices = {0, 1, 2};
+        const Outputs out = run_at_rest(engine.context, {turned(sheet, random_rotation(random))});
+        EXPECT_LE(blocked_bits(out.meshes[0], 0), 24u) << seed << " " << lean;
+    }
+}
+
+// How much of the light over a receiver reaches it past all triangles but its own, of 1.
+float open_light(const Mesh& mesh, const glm::dvec3& from, const glm::dvec3& normal) {
+    constexpr int rings = 16, around = 32;
+    const glm::dvec3 x = glm::normalize(
+        glm::cross(normal, std::fabs(normal.x) < 0.6 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 1, 0)));
+    const glm::dvec3 y = glm::cross(normal, x);
+    int open = 0;
+    for (int i = 0; i < rings * around; ++i) {
+        const double r = std::sqrt((i / around + 0.5) / rings),
+                     turn = (i % around + 0.5) * 6.283185307 / around;
+        const glm::dvec3 s = r * std::cos(turn) * x + r * std::sin(turn) * y + std::sqrt(1 - r * r) * normal;
+        bool hidden = false;
+        for (size_t t = 0; t < mesh.indices.size() && !hidden; t += 3) {
+            const auto at = [&](size_t k) {
+                return glm::dvec3(mesh.rest_positions[mesh.indices[t + k]]) - from;
+            };
+            const glm::dvec3 a = at(0), b = at(1), c = at(2), n = glm::cross(b - a, c - a);
+            if (a == glm::dvec3(0) || b == glm::dvec3(0) || c == glm::dvec3(0)) continue;
+            const double u = glm::dot(s, glm::cross(a, b)), v = glm::dot(s, glm::cross(b, c)),
+                         w = glm::dot(s, glm::cross(c, a));
+            const bool through = (u > 0 && v > 0 && w > 0) || (u < 0 && v < 0 && w < 0);
+            hidden = through && glm::dot(a, n) * glm::dot(s, n) > 0;
+        }
+        open += !hidden;
+    }
+    return float(open) / float(rings * around);
+}
+
+// A vertex of a sphere moved over its neighbours, so that its triangles lie folded, some inside out. Where
+// nothing else hides the sky from it, it is not dark.
+TEST(Contact, AFoldedVertexSeesTheSky) {
+    Engine engine;
+    const Mesh sphere = scenes::sphere(1);
+    int seeing = 0;
+    for (uint64_t seed = 0; seed < 400; ++seed) {
+        Random random(seed);
+        Mesh mesh = sphere;
+        const size_t v = random.below(uint32_t(mesh.rest_positions.size()));
+        const glm::vec3 at = mesh.rest_positions[v];
+        glm::vec3 along(random.between(-1, 1), random.between(-1, 1), random.between(-1, 1));
+        along = glm::normalize(glm::cross(along, at));
+        const glm::vec3 to =
+            random.between(0.95f, 1.05f) * glm::normalize(at + random.between(0.3f, 1.2f) * along);
+        const glm::vec3 normal = glm::normalize(to + random.between(0, 1) * at);
+        for (size_t i = 0; i < mesh.rest_positions.size(); ++i) {
+            if (sphere.rest_positions[i] != at) continue;
+            mesh.rest_positions[i] = to;
+            mesh.rest_normals[i] = normal;
+        }
+        if (open_light(mesh, glm::dvec3(to), glm::dvec3(normal)) < 0.9f) continue;
+        const Outputs out = run_at_rest(engine.context, {mesh});
+        EXPECT_LE(blocked_bits(out.meshes[0], v), 800u) << seed;
+        ++seeing;
+    }
+    EXPECT_GT(seeing, 100);
+}
+
 // A box that stands on a slab, and shares no vertex with it: its sides see the slab up to their lower edge.
 TEST(Contact, ABoxOnASlab) {
     Engine engine;

@@ -221,6 +221,17 @@ TEST(Fan, AgreesWithRaysFromAHairAbove) {
     EXPECT_LE(different, 1);
 }
 
+// An edge that stands upright but for rounding leans to neither side; one that leans hides a quarter.
+TEST(Fan, UprightEdgesHideNothing) {
+    const glm::dvec3 normal(0, 0, 1), side(0, 1, 0.01);
+    const glm::dvec3 under = glm::normalize(glm::dvec3(0.6, 0.6, 0.3));
+    for (const double lean : {1e-3, 1e-6, 0.0, -1e-6}) {
+        Fan fan;
+        make_fan(glm::dvec3(0), normal, {glm::dvec3(lean, 0, 1), side}, fan);
+        EXPECT_EQ(hidden_by(fan, under), lean == 1e-3) << lean;
+    }
+}
+
 TEST(Trace, ConvexSurfaceIsOpenEverywhere) {
     Builder scene;
     scene.sphere({100, -20, 3}, 0.01f, 24);

@@ -121,6 +121,15 @@ struct Scratch {
     std::vector<uint8_t> blocked;
 };
 
+// An edge within a ten-thousandth of a radian of the normal: rounding decides to which side it leans, and so
+// whether a quarter of the hemisphere is under its triangle. A ray that starts a hair above the receiver
+// passes.
+bool is_upright(const glm::dvec3& edge, const glm::dvec3& normal) {
+    const double up = glm::dot(edge, normal);
+    const glm::dvec3 across = edge - up * normal;
+    return up > 0 && glm::dot(across, across) < 1e-8 * up * up;
+}
+
 // The fan of incident triangles of a vertex.
 void gather_fan(const TraceScene& scene, const Assembly& all, uint32_t vertex, const glm::dvec3& normal,
                 Scratch& scratch) {
@@ -289,6 +298,7 @@ void make_fan(const glm::dvec3& receiver, const glm::dvec3& normal, const std::v
     for (size_t k = 0; k + 1 < corners.size(); k += 2) {
         const glm::dvec3 a = corners[k] - receiver, b = corners[k + 1] - receiver;
         if (glm::dot(a, normal) <= 0 && glm::dot(b, normal) <= 0) continue;
+        if (is_upright(a, normal) || is_upright(b, normal)) continue;
         // s = x a + y b - z n with x, y, z >= 0, by Cramer's rule; the common divisor gives the sign.
         const double divisor = glm::dot(a, glm::cross(b, -normal));
         if (!(divisor != 0) || !std::isfinite(divisor)) continue;
