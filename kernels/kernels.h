@@ -145,9 +145,9 @@ using TriangleJobs = void (*)(const Batch& batch, const float corners[3][3][lane
 
 // Adds what incident triangle (receiver, a, b) hides below itself: the spherical triangle (a, b, nadir), the
 // part of the hemisphere under the arc from a to b. corners[0] = a, corners[1] = b in frame space. Returns
-// the lanes whose arc rises above the tangent plane without running counter-clockwise, or comes within 1e-4
-// of the zenith: their fan stands upright or hangs over, and what is under the arcs is not all that it hides
-// (fill_fan). Nothing is under an arc that comes so near: rounding would decide to which side it leans.
+// the lanes whose arc rises above the tangent plane without running counter-clockwise, or has an end within
+// 1e-4 of the zenith: their fan stands upright or hangs over, and what is under the arcs is not all that it
+// hides (fill_fan). Nothing is under an arc with such an end: rounding would decide to which side it leans.
 using FanJobs = uint32_t (*)(const Batch& batch, const float corners[2][3][lanes], uint32_t active,
                              const MaskLayout& layout, JobList& jobs, Counters& counters);
 

@@ -138,7 +138,7 @@ void count_crossings(const Rays& rays, const ClusterView& cluster, const float* 
             const float slope = bound(0) * d[0] + bound(1) * d[1] + bound(2) * d[2];
             if (slope == 0 || (height * slope > 0 && std::fabs(slope) > crossing_slope)) continue;
             if (std::fabs(slope) > meeting_slope) {
-                const float away = height / slope, reach = bound(7) * 1.0001f + 2e-5f;
+                const float away = height / slope, reach = bound(7) * 1.0001f + meeting_margin;
                 const float x = ox - away * d[0] - bound(4), y = oy - away * d[1] - bound(5),
                             z = oz - away * d[2] - bound(6);
                 if (x * x + y * y + z * z > reach * reach) continue;

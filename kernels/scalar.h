@@ -115,8 +115,9 @@ constexpr float crossing_margin = 4e-6f;
 // A plane lies behind a ray's origin where its height and the cosine of ray and normal say so, unless the ray
 // runs so nearly along it that rounding may decide.
 constexpr float crossing_slope = 1e-4f;
-// From this cosine on it is asked how far from the triangle's middle the ray meets the plane.
-constexpr float meeting_slope = 0.01f;
+// From this cosine on it is asked how far from the triangle's middle the ray meets the plane; with room for
+// what rounding does to the normals of triangles a hundred times as long as wide, over the cosine.
+constexpr float meeting_slope = 0.1f, meeting_margin = 2e-4f;
 
 // 1 where the lane's ray leaves through the triangle, -1 where it enters, else 0. `height`: of the origin
 // over the triangle's plane.

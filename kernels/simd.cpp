@@ -431,7 +431,7 @@ HWY_INLINE M ray_may_cross(const Rays& rays, V ox, V oy, V oz, V height, const L
     const V x = hn::Sub(hn::Sub(ox, hn::Mul(away, dx)), load(4)),
             y = hn::Sub(hn::Sub(oy, hn::Mul(away, dy)), load(5)),
             z = hn::Sub(hn::Sub(oz, hn::Mul(away, dz)), load(6));
-    const V reach = hn::Add(hn::Mul(load(7), constant(1.0001f)), constant(2e-5f));
+    const V reach = hn::Add(hn::Mul(load(7), constant(1.0001f)), constant(meeting_margin));
     const M beside =
         hn::And(hn::Gt(dot(x, y, z, x, y, z), hn::Mul(reach, reach)), hn::Gt(steep, constant(meeting_slope)));
     return hn::Not(hn::Or(hn::Or(behind, beside), hn::Eq(slope, hn::Zero(df))));

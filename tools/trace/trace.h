@@ -31,6 +31,7 @@ TraceScene make_trace_scene(const Assembly& all);
 // What the incident triangles hide of the hemisphere over a receiver. Direction s is hidden by triangle (p,
 // a, b) where it lies in the spherical triangle (a - p, b - p, -n), below the arc from a to b: a ray that
 // starts a hair above p in direction s goes through the triangle, and one that starts at p doesn't touch it.
+// But for triangles with an edge within 1e-4 of the normal: those stand upright, and hide nothing so.
 struct Fan {
     // Three planes through the receiver a triangle; s is hidden where all three products are positive.
     std::vector<std::array<double, 9>> planes;
