@@ -123,6 +123,41 @@ TEST(Memory, FramesAndHistoriesKeepToTheirBounds) {
     }
 }
 
+// Two thousand closed parts of twenty triangles, one long one each in half of them: clusters of few
+// triangles.
+TEST(Memory, AFrameOfManySmallPartsKeepsToItsBound) {
+    scenes::Mesh balls;
+    for (uint32_t i = 0; i < 2000; ++i) {
+        const scenes::Mesh ball = scenes::sphere(0);
+        const uint32_t first = static_cast<uint32_t>(balls.rest_positions.size());
+        for (glm::vec3 p : ball.rest_positions) {
+            if (i % 2 && p.x > 0.8f) p.x = 12;
+            balls.rest_positions.push_back(0.3f * p + glm::vec3(i % 20, i / 20 % 10, i / 200));
+        }
+        balls.rest_normals.insert(balls.rest_normals.end(), ball.rest_normals.begin(),
+                                  ball.rest_normals.end());
+        for (const uint32_t v : ball.indices)
+            balls.indices.push_back(first + v);
+    }
+    Ledger ledger;
+    const auto bytes = [&] {
+        size_t sum = 0;
+        for (const auto& [memory, block] : ledger.out)
+            sum += block.first;
+        return sum;
+    };
+    ContextDesc desc;
+    desc.allocator = ledger.hook();
+    Engine engine(desc);
+    const MeshId id = add(engine.context, balls);
+    const size_t mesh = bytes(), triangles = balls.indices.size() / 3;
+    run_frame(engine.context, {at_rest(id, balls)}, Quality::standard);
+    const size_t frame = bytes() - mesh;
+    EXPECT_LE(frame, 24 * balls.rest_positions.size() + 128 * triangles + 2 * (96 << 10));
+    std::printf("small parts: mesh %.1f B a triangle, frame %.1f\n", double(mesh) / double(triangles),
+                double(frame) / double(triangles));
+}
+
 // A history takes its memory with its first frame; none of what happens to it later takes more.
 TEST(Memory, NoRequestsInSteadyStateWithAHistory) {
     Ledger ledger;
