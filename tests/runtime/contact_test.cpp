@@ -38,6 +38,14 @@ void add_quad(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c, const 
         mesh.indices.push_back(first + i);
 }
 
+void add_triangle(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c, Mesh& mesh) {
+    for (const glm::vec3& p : {a, b, c}) {
+        mesh.indices.push_back(static_cast<uint32_t>(mesh.rest_positions.size()));
+        mesh.rest_positions.push_back(p);
+        mesh.rest_normals.push_back(glm::normalize(glm::cross(b - a, c - a)));
+    }
+}
+
 // A stair of two steps, solid, in four slices; every face has its own vertices, and its own normal.
 Mesh stair() {
     const glm::vec2 profile[] = {{0, 0}, {2, 0}, {2, 1}, {1, 1}, {1, 2}, {0, 2}};
@@ -165,6 +173,39 @@ TEST(Contact, AFoldedVertexSeesTheSky) {
         ++seeing;
     }
     EXPECT_GT(seeing, 100);
+}
+
+// Eight closed tetrahedra with one corner in common, each a little wider than an octant: the triangles there
+// fill the whole mask of each receiver, and behind them all is solid. It stays dark. (Boxes that fill their
+// octants exactly share edges, four faces each, and are open parts.)
+TEST(Contact, ACornerThatClosedPartsFillIsDark) {
+    Engine engine;
+    for (uint64_t seed = 0; seed < 40; ++seed) {
+        Random random(seed);
+        const glm::vec3 corner(random.between(-1, 1), random.between(-1, 1), random.between(-1, 1));
+        Mesh mesh;
+        for (uint32_t octant = 0; octant < 8; ++octant) {
+            const glm::vec3 sign(octant & 1 ? 1 : -1, octant & 2 ? 1 : -1, octant & 4 ? 1 : -1);
+            glm::vec3 tips[3];
+            for (int i = 0; i < 3; ++i) {
+                glm::vec3 along(-random.between(0.1f, 0.2f));
+                along[i] = 1;
+                tips[i] = corner + sign * along;
+            }
+            if (sign.x * sign.y * sign.z < 0) std::swap(tips[1], tips[2]);
+            add_triangle(tips[0], tips[1], tips[2], mesh);
+            for (int i = 0; i < 3; ++i)
+                add_triangle(corner, tips[(i + 1) % 3], tips[i], mesh);
+        }
+        const Outputs out = run_at_rest(engine.context, {turned(mesh, random_rotation(random))});
+        uint32_t found = 0;
+        for (size_t v = 0; v < mesh.rest_positions.size(); ++v) {
+            if (mesh.rest_positions[v] != corner) continue;
+            EXPECT_EQ(blocked_bits(out.meshes[0], v), 1024u) << seed << " " << v;
+            ++found;
+        }
+        EXPECT_EQ(found, 24u);
+    }
 }
 
 // A box that stands on a slab, and shares no vertex with it: its sides see the slab up to their lower edge.

@@ -262,18 +262,19 @@ TEST_F(Faults, ReadOnlyFolder) {
     EXPECT_TRUE(leftovers().empty());
 }
 
-// What 100 ms of a processor may last where more wants to run than there are processors.
+// What 100 ms of a processor may last where more wants to run than there are processors: 250 ms at most, for
+// beyond that a user has waited, whatever else the machine does.
 double hundred_milliseconds() {
     double load = 0;
     if (getloadavg(&load, 1) != 1) return 100;
-    return 100 * std::max(1.0, load / std::max(1u, std::thread::hardware_concurrency()));
+    return 100 * std::clamp(load / std::max(1u, std::thread::hardware_concurrency()), 1.0, 2.5);
 }
 
 // From Ctrl-C to the end, wherever it comes: below 100 ms. Nothing is left, or the whole result is there. The
 // huge model is seconds in the loader, in one call that adds it and in one frame. On a machine that does
 // other things a program may wait that long for a processor: where it took longer the same is tried again at
 // the same instant, up to five times, and where more wants to run than there are processors it may take as
-// many times longer. What is slow by itself is slow again.
+// many times longer, up to 250 ms. What is slow by itself is slow again.
 TEST_F(Faults, Interrupted) {
     write_grid("huge.obj", 400);
     const std::vector<std::vector<std::string>> commands{
