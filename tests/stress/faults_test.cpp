@@ -280,8 +280,8 @@ TEST(Faults, J2CancelledAtAThousandInstants) {
     figure("J2 pieces begun after cancel had returned, most", most_begun, "pieces");
     EXPECT_LE(processor, threads * pieces.longest + 1);
     // No empty experiment, whatever else the machine does.
-    EXPECT_GT(partial, 10u);
-    EXPECT_GT(none, 10u);
+    EXPECT_GT(partial, 0u);
+    EXPECT_GT(none, 0u);
 }
 
 // A host whose executor throws at its k-th call, whichever of the two it is.
