@@ -26,6 +26,9 @@ struct MeshEntry {
     uint64_t identity, has_back; // 0 or 1
 };
 
+constexpr char contradiction[] =
+    "set not read: what it says of its frames contradicts itself; make it anew with `nusselt pvs`";
+
 constexpr uint64_t hash_seed = 0xCBF29CE484222325u;
 
 uint64_t hash_words(const void* data, size_t words, uint64_t hash) {
@@ -111,9 +114,7 @@ Status check_file(const void* data, size_t size, Header& header) {
     if (sum != hash_words(data, (size - sizeof(sum)) / 4, hash_seed))
         return bad("set not read: it is cut short or damaged, its checksum is another; make it anew with "
                    "`nusselt pvs`");
-    if (header.recorded > 1 || header.watertight > header.recorded)
-        return bad(
-            "set not read: what it says of its frames contradicts itself; make it anew with `nusselt pvs`");
+    if (header.recorded > 1 || header.watertight > header.recorded) return bad(contradiction);
     return check_shape(header.meshes, static_cast<Quality>(header.quality), header.segments);
 }
 
@@ -125,7 +126,8 @@ Status check_meshes(const VisibleSet& set, const Header& header, const char* ent
     for (size_t m = 0; m < set.meshes.size(); ++m) {
         MeshEntry entry;
         std::memcpy(&entry, entries + m * sizeof(entry), sizeof(entry));
-        if (entry.identity != set.meshes[m].identity || entry.has_back > header.recorded)
+        if (entry.has_back > header.recorded) return bad(contradiction);
+        if (entry.identity != set.meshes[m].identity)
             return bad("set not read: it was made of other meshes, or by a version of the library that makes "
                        "other levels of detail; make it anew with `nusselt pvs`");
     }

@@ -50,20 +50,52 @@ std::string moving_triangle(bool leaf = false) {
 }
 
 // A square, `lower`, and the same above it, `upper`: two nodes that draw one mesh.
-std::string two_meshes() {
+std::string two_meshes(const std::string& upper = "upper") {
     const float positions[12] = {0, 0, 0, 0, 0, 2, 2, 0, 2, 2, 0, 0};
     const uint16_t indices[6] = {0, 1, 2, 0, 2, 3};
     std::string bytes;
     bytes.append(reinterpret_cast<const char*>(positions), 48);
     bytes.append(reinterpret_cast<const char*>(indices), 12);
     return R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1]}],
-"nodes":[{"mesh":0,"name":"lower"},{"mesh":0,"name":"upper","translation":[0.3,0.8,-0.3]}],
+"nodes":[{"mesh":0,"name":"lower"},{"mesh":0,"name":")" +
+           upper + R"(","translation":[0.3,0.8,-0.3]}],
 "meshes":[{"primitives":[{"attributes":{"POSITION":0},"indices":1}]}],
 "buffers":[{"byteLength":60,"uri":"data:application/octet-stream;base64,)" +
            base64(bytes) + R"("}],
 "bufferViews":[{"buffer":0,"byteLength":48},{"buffer":0,"byteOffset":48,"byteLength":12}],
 "accessors":[{"bufferView":0,"componentType":5126,"count":4,"type":"VEC3","min":[0,0,0],"max":[2,0,2]},
 {"bufferView":1,"componentType":5123,"count":6,"type":"SCALAR"}]})";
+}
+
+// The same with a third square that lies below, face down, where none sees another, and is above the others
+// for the last fifth of a second.
+std::string visited_squares() {
+    const float positions[12] = {0, 0, 0, 0, 0, 2, 2, 0, 2, 2, 0, 0};
+    const uint16_t indices[6] = {0, 1, 2, 0, 2, 3};
+    const float times[3] = {0, 0.8f, 1}, moves[9] = {0, -0.8f, 0, 1.2f, 1.6f, 0, 1.2f, 1.6f, 0};
+    const float turns[12] = {1, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1};
+    std::string bytes;
+    bytes.append(reinterpret_cast<const char*>(positions), 48);
+    bytes.append(reinterpret_cast<const char*>(indices), 12);
+    bytes.append(reinterpret_cast<const char*>(times), 12);
+    bytes.append(reinterpret_cast<const char*>(moves), 36);
+    bytes.append(reinterpret_cast<const char*>(turns), 48);
+    return R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1,2]}],
+"nodes":[{"mesh":0},{"mesh":0,"translation":[0.3,0.8,-0.3]},{"mesh":0}],
+"meshes":[{"primitives":[{"attributes":{"POSITION":0},"indices":1}]}],
+"buffers":[{"byteLength":156,"uri":"data:application/octet-stream;base64,)" +
+           base64(bytes) + R"("}],
+"bufferViews":[{"buffer":0,"byteLength":48},{"buffer":0,"byteOffset":48,"byteLength":12},
+{"buffer":0,"byteOffset":60,"byteLength":12},{"buffer":0,"byteOffset":72,"byteLength":36},
+{"buffer":0,"byteOffset":108,"byteLength":48}],
+"accessors":[{"bufferView":0,"componentType":5126,"count":4,"type":"VEC3","min":[0,0,0],"max":[2,0,2]},
+{"bufferView":1,"componentType":5123,"count":6,"type":"SCALAR"},
+{"bufferView":2,"componentType":5126,"count":3,"type":"SCALAR","min":[0],"max":[1]},
+{"bufferView":3,"componentType":5126,"count":3,"type":"VEC3"},
+{"bufferView":4,"componentType":5126,"count":3,"type":"VEC4"}],
+"animations":[{"name":"visit","channels":[{"sampler":0,"target":{"node":2,"path":"translation"}},
+{"sampler":1,"target":{"node":2,"path":"rotation"}}],
+"samplers":[{"input":2,"output":3,"interpolation":"STEP"},{"input":2,"output":4,"interpolation":"STEP"}]}]})";
 }
 
 struct Outcome {
@@ -86,6 +118,8 @@ protected:
                "f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n"
                "v -1 -1 1.5\nv 2 -1 1.5\nv 2 2 1.5\nv -1 2 1.5\nf 9 10 11 12\n";
         std::ofstream(folder / "boxes.gltf") << two_meshes();
+        std::ofstream(folder / "twins.gltf") << two_meshes("lower");
+        std::ofstream(folder / "visit.gltf") << visited_squares();
         // A floor and a wall behind it.
         std::ofstream(folder / "corner.obj") << "v 0 0 0\nv 0 0 2\nv 2 0 2\nv 2 0 0\nf 1 2 3 4\n"
                                                 "v 0 -1 0.2\nv 2 -1 0.2\nv 2 2 0.2\nv 0 2 0.2\nf 5 6 7 8\n";
@@ -428,6 +462,8 @@ TEST_F(Program, RolesOfMeshes) {
                       "--block-only upper"));
     expect_failure(2, "render boxes.gltf --out out --receive-only roof", {"roof", "0 lower, 1 upper"});
     expect_failure(2, "render boxes.gltf --out out --block-only 2", {"--block-only", "upper"});
+    expect_failure(2, "render twins.gltf --out out --receive-only lower", {"--receive-only", "number: 0, 1"});
+    EXPECT_EQ(run("render twins.gltf --size 64x48 --out picture --receive-only 1").code, 0);
     expect_failure(2, "render boxes.gltf --out out --block-only 0 --block-only 1", {"--ground"});
     expect_failure(2, "render boxes.gltf --out out --block-only 0 --receive-only lower", {"one of the two"});
     expect_failure(2, "render slide.gltf --out out --ground --pvs slide.pvs", {"--ground"});
@@ -445,7 +481,17 @@ TEST_F(Program, WhatStandsStillIsKept) {
     ASSERT_EQ(run(clip + "anew").code, 0);
     const Outcome moving = run(clip + "kept --keep");
     ASSERT_EQ(moving.code, 0) << moving.err;
-    EXPECT_NE(moving.out.find("kept: "), std::string::npos) << moving.out;
+    // The whole ground sees the triangle move; below one that hides nothing it is computed once.
+    const auto kept_share = [](const Outcome& done) {
+        const size_t at = done.out.find("\nkept: ");
+        return at == std::string::npos ? -1.0 : std::stod(done.out.substr(at + 7));
+    };
+    EXPECT_GE(kept_share(moving), 0) << moving.out;
+    for (const char* name : {"frame_0000.png", "frame_0001.png", "frame_0002.png"})
+        EXPECT_EQ(contents(folder / "anew" / name), contents(folder / "kept" / name)) << name;
+    ASSERT_EQ(run(clip + "anew --receive-only 0").code, 0);
+    const Outcome ghost = run(clip + "kept --receive-only 0 --keep");
+    EXPECT_GT(kept_share(ghost), 30) << ghost.out << ghost.err;
     for (const char* name : {"frame_0000.png", "frame_0001.png", "frame_0002.png"})
         EXPECT_EQ(contents(folder / "anew" / name), contents(folder / "kept" / name)) << name;
     for (const char* other : {"--shadows off", "--brdf ggx:0.4:1", "--light direct", "--falloff 0.1:1"})
@@ -506,6 +552,14 @@ TEST_F(Program, VisibleSetsOfAClip) {
     ASSERT_EQ(heat.code, 0) << heat.err;
     EXPECT_NE(heat.out.find("of the clusters are looked at"), std::string::npos) << heat.out;
     expect_failure(2, picture + "out --show visible-set", {"--pvs"});
+    // One scale for all segments: a moment of the first, which sees less, has that of the clip.
+    ASSERT_EQ(run("pvs visit.gltf --out visit.pvs --frames 5 --segments 2").code, 0);
+    const std::string visit = "render visit.gltf --size 64x48 --show visible-set --pvs visit.pvs --out ";
+    for (const char* frames : {"clip --frames 3 --fps 2", "first --time 0", "last --time 1"}) {
+        const Outcome seen = run(visit + frames);
+        ASSERT_EQ(seen.code, 0) << seen.err;
+        EXPECT_NE(seen.out.find("orange: 66.7 %"), std::string::npos) << seen.out;
+    }
     // A leaf's backs are recorded too, unless told otherwise.
     ASSERT_NE(run("pvs leaf.gltf --out leaf.pvs --frames 2").out.find("both sides"), std::string::npos);
     const std::string leaf = "render leaf.gltf --size 64x48 --time 0.5 --out ";

@@ -307,6 +307,10 @@ FrameStats Engine::frame(const scenes::Pose& pose, Quality quality, std::vector<
     desc.falloff = falloff_;
     desc.watertight = watertight_;
     desc.history = history_;
+    for (size_t m = 0; holds_origin_ && !origin_ && m < pose.positions.size(); ++m) {
+        if (!pose.positions[m].empty()) origin_ = pose.positions[m][0];
+    }
+    if (origin_) desc.origin = &origin_->x;
     if (visible_role_ == VisibleRole::recorded) desc.record = visible_;
     if (visible_role_ == VisibleRole::used) desc.visible = visible_;
     desc.visible_segment = visible_segment_;

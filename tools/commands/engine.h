@@ -8,6 +8,7 @@
 #include <nusselt/nusselt.h>
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -73,6 +74,9 @@ public:
     void fade(const Falloff& falloff) { falloff_ = falloff; }
     // The frames that follow keep what did not move since the one before (FrameDesc::history).
     void keep_still();
+    // The frames that follow round coordinates about one point (FrameDesc::origin), that of the first: one
+    // that moves with the model would have all move, and a history keep nothing.
+    void hold_origin() { holds_origin_ = true; }
     void make_watertight() { watertight_ = true; } // FrameDesc::watertight, in the frames to come
 
     // Which object each mesh belongs to, in the frames that follow (FrameMesh::object).
@@ -114,7 +118,9 @@ private:
     std::vector<FrameMesh> frame_;
     std::vector<uint8_t> receives_; // of each mesh; what hides nothing is frame_'s
     HistoryId history_;
-    std::vector<Output> outputs_; // of each mesh in turn, the front's and then the back's
+    bool holds_origin_ = false;
+    std::optional<glm::vec3> origin_; // once there was a frame that holds it
+    std::vector<Output> outputs_;     // of each mesh in turn, the front's and then the back's
     std::vector<std::vector<uint32_t>> two_sided_, turned_; // bits of each mesh's vertices: known, asked for
     BackArrays* backs_ = nullptr;
     std::vector<Gloss> gloss_; // of each mesh, or none

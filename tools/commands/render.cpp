@@ -130,6 +130,8 @@ void run_render(const RenderOptions& options) {
     engine.fade(options.falloff);
     if (options.watertight) engine.make_watertight();
     if (options.keep) engine.keep_still();
+    // A set was recorded with each pose's own origin; what it leaves is the same only with that.
+    if (options.visible_set.empty()) engine.hold_origin();
     if (!options.visible_set.empty()) engine.use_visible(read_set(options.visible_set), options.visible_set);
     // Lambert's light is a dot product afterwards; glossy light comes with the frame.
     const bool glossy = options.reflectance.kind != Reflectance::Kind::lambert || options.direct;
@@ -157,8 +159,17 @@ void run_render(const RenderOptions& options) {
     backs.streams = shown;
     if (two_sided) engine.see_backs(options.two_sided, &backs);
 
+    // One scale for all frames, whichever segment each looks at.
+    float most_looked_at = 0;
+    for (uint32_t s = 0; options.show == Show::visible_set && s < engine.visible_info().segments; ++s) {
+        throw_if_interrupted();
+        engine.choose_segment(s);
+        for (const float part : engine.visible_parts())
+            most_looked_at = std::max(most_looked_at, part);
+    }
+
     Progress progress("render");
-    float exposure = 0, most_looked_at = 0;
+    float exposure = 0;
     uint64_t receivers = 0, kept = 0;
     for (size_t k = 0; k < times.size(); ++k) {
         throw_if_interrupted();
@@ -215,8 +226,6 @@ void run_render(const RenderOptions& options) {
         std::snprintf(name, sizeof name, "frame_%04zu.png", k);
         std::vector<float> looked_at;
         if (options.show == Show::visible_set) looked_at = engine.visible_parts();
-        for (const float part : looked_at)
-            most_looked_at = std::max(most_looked_at, part);
         const auto colours_of = [&](std::vector<float>& side, const std::vector<StreamArray>& streams) {
             if (options.show == Show::visible_set) return as_heat(looked_at, most_looked_at);
             if (options.show != Show::radiance) return as_colours(streams[0]);

@@ -12,11 +12,25 @@ namespace nusselt::tools {
 namespace {
 
 size_t find_mesh(const scenes::Scene& scene, const std::string& wanted, const std::string& option) {
-    std::string list;
+    std::string list, namesakes;
+    size_t named = 0, last = 0;
     for (size_t m = 0; m < scene.meshes.size(); ++m) {
-        if (wanted == scene.meshes[m].name || wanted == std::to_string(m)) return m;
+        // A number wins over a name, so that there is always one to use.
+        if (wanted == std::to_string(m)) return m;
+        if (wanted == scene.meshes[m].name) {
+            if (named < 20) namesakes += (named ? ", " : "") + std::to_string(m);
+            ++named;
+            last = m;
+        }
         if (m < 20) list += (m ? ", " : "") + std::to_string(m) + " " + scene.meshes[m].name;
     }
+    if (named == 1) return last;
+    if (named > 20) namesakes += ", ...";
+    if (named > 1)
+        throw Failure(option,
+                      std::to_string(named) + " meshes are named '" + wanted +
+                          "'; choose one by its number: " + namesakes,
+                      exit_usage);
     if (scene.meshes.size() > 20) list += ", ...";
     throw Failure(option, "there is no mesh '" + wanted + "'; choose one by name or number of: " + list,
                   exit_usage);

@@ -159,7 +159,8 @@ struct FrameStats {
     double transform_ms = 0; // transform, facing, horizon, planes
     double raster_ms = 0;    // AND, OR
     double integrate_ms = 0; // downsampling and integration
-    double rotate_ms = 0;    // SH rotation and store
+    double rotate_ms = 0;    // SH rotation and store; outputs made from masks, and the integral of
+                             // their diffuse part where they alone are asked for
 };
 
 // Starts a frame and returns at once (with the serial executor: when the work is done). `stale_handle`: a
