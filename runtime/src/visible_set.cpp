@@ -26,9 +26,6 @@ struct MeshEntry {
     uint64_t identity, has_back; // 0 or 1
 };
 
-constexpr char contradiction[] =
-    "set not read: what it says of its frames contradicts itself; make it anew with `nusselt pvs`";
-
 constexpr uint64_t hash_seed = 0xCBF29CE484222325u;
 
 uint64_t hash_words(const void* data, size_t words, uint64_t hash) {
@@ -98,6 +95,11 @@ size_t bytes_of(const VisibleSet& set) {
            sizeof(uint32_t) * bits_of(set);
 }
 
+Status contradiction() {
+    return {StatusCode::invalid_argument,
+            "set not read: what it says of its frames contradicts itself; make it anew with `nusselt pvs`"};
+}
+
 // What is wrong with a file before its meshes are looked at.
 Status check_file(const void* data, size_t size, Header& header) {
     const auto bad = [](const char* text) { return Status{StatusCode::invalid_argument, text}; };
@@ -114,7 +116,7 @@ Status check_file(const void* data, size_t size, Header& header) {
     if (sum != hash_words(data, (size - sizeof(sum)) / 4, hash_seed))
         return bad("set not read: it is cut short or damaged, its checksum is another; make it anew with "
                    "`nusselt pvs`");
-    if (header.recorded > 1 || header.watertight > header.recorded) return bad(contradiction);
+    if (header.recorded > 1 || header.watertight > header.recorded) return contradiction();
     return check_shape(header.meshes, static_cast<Quality>(header.quality), header.segments);
 }
 
@@ -126,7 +128,7 @@ Status check_meshes(const VisibleSet& set, const Header& header, const char* ent
     for (size_t m = 0; m < set.meshes.size(); ++m) {
         MeshEntry entry;
         std::memcpy(&entry, entries + m * sizeof(entry), sizeof(entry));
-        if (entry.has_back > header.recorded) return bad(contradiction);
+        if (entry.has_back > header.recorded) return contradiction();
         if (entry.identity != set.meshes[m].identity)
             return bad("set not read: it was made of other meshes, or by a version of the library that makes "
                        "other levels of detail; make it anew with `nusselt pvs`");
