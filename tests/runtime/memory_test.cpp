@@ -18,6 +18,13 @@ struct Ledger {
     uint64_t requests = 0, fail_at = UINT64_MAX;
     std::string wrong;
 
+    size_t bytes() const {
+        size_t sum = 0;
+        for (const auto& [memory, block] : out)
+            sum += block.first;
+        return sum;
+    }
+
     Allocator hook() {
         Allocator a;
         a.user = this;
@@ -87,12 +94,6 @@ TEST(Memory, FramesAndHistoriesKeepToTheirBounds) {
         const scenes::Scene scene = scenes::builtin(name);
         for (const Quality quality : {Quality::standard, Quality::fine}) {
             Ledger ledger;
-            const auto bytes = [&] {
-                size_t sum = 0;
-                for (const auto& [memory, block] : ledger.out)
-                    sum += block.first;
-                return sum;
-            };
             ContextDesc desc;
             desc.allocator = ledger.hook();
             Engine engine(desc);
@@ -102,16 +103,16 @@ TEST(Memory, FramesAndHistoriesKeepToTheirBounds) {
                 vertices += mesh.rest_positions.size();
                 triangles += mesh.indices.size() / 3;
             }
-            const size_t meshes = bytes();
+            const size_t meshes = ledger.bytes();
             run_frame(engine.context, posed(scene, ids, 0), quality);
-            const size_t frame = bytes() - meshes;
+            const size_t frame = ledger.bytes() - meshes;
             FrameDesc settings;
             settings.quality = quality;
             ASSERT_TRUE(create_history(engine.context, &settings.history).ok());
             ASSERT_TRUE(
                 create_history(engine.context, &settings.history).ok()); // one with a frame of its own
             run_frame(engine.context, posed(scene, ids, 0), settings);
-            const size_t history = bytes() - meshes - frame;
+            const size_t history = ledger.bytes() - meshes - frame;
             const size_t mask = quality_mask_bits(quality) / 8;
             EXPECT_LE(frame, 24 * vertices + 128 * triangles + 2 * (96 << 10));
             EXPECT_LE(history, (160 + mask) * vertices + 192 * triangles + 2 * (32 << 10));
@@ -123,8 +124,8 @@ TEST(Memory, FramesAndHistoriesKeepToTheirBounds) {
     }
 }
 
-// Two thousand closed parts of twenty triangles, one long one each in half of them: clusters of few
-// triangles.
+// Two thousand closed parts of twenty triangles, half of them with a corner pulled out, so that its triangles
+// are large beside the others: clusters of few triangles.
 TEST(Memory, AFrameOfManySmallPartsKeepsToItsBound) {
     scenes::Mesh balls;
     for (uint32_t i = 0; i < 2000; ++i) {
@@ -140,19 +141,13 @@ TEST(Memory, AFrameOfManySmallPartsKeepsToItsBound) {
             balls.indices.push_back(first + v);
     }
     Ledger ledger;
-    const auto bytes = [&] {
-        size_t sum = 0;
-        for (const auto& [memory, block] : ledger.out)
-            sum += block.first;
-        return sum;
-    };
     ContextDesc desc;
     desc.allocator = ledger.hook();
     Engine engine(desc);
     const MeshId id = add(engine.context, balls);
-    const size_t mesh = bytes(), triangles = balls.indices.size() / 3;
+    const size_t mesh = ledger.bytes(), triangles = balls.indices.size() / 3;
     run_frame(engine.context, {at_rest(id, balls)}, Quality::standard);
-    const size_t frame = bytes() - mesh;
+    const size_t frame = ledger.bytes() - mesh;
     EXPECT_LE(frame, 24 * balls.rest_positions.size() + 128 * triangles + 2 * (96 << 10));
     std::printf("small parts: mesh %.1f B a triangle, frame %.1f\n", double(mesh) / double(triangles),
                 double(frame) / double(triangles));
