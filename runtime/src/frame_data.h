@@ -273,6 +273,7 @@ struct Frame {
     Worker* workers = nullptr;               // the crew's
     const Clock* clock = nullptr;            // the context's
     uint64_t budget_ns = 0, deadline_ns = 0; // 0: none
+    std::atomic<bool> is_spent = false;      // somebody has seen that the deadline is past
 
     uint32_t generation = 1;
     bool in_flight = false;
@@ -310,8 +311,10 @@ double nanoseconds_now();
 double thread_cpu_nanoseconds();
 // Of the caller's clock, that of time budgets.
 uint64_t clock_nanoseconds(const Frame& frame);
-inline bool is_out_of_time(const Frame& frame) {
-    return frame.budget_ns > 0 && clock_nanoseconds(frame) >= frame.deadline_ns;
+inline bool is_out_of_time(Frame& frame) {
+    if (frame.budget_ns == 0 || clock_nanoseconds(frame) < frame.deadline_ns) return false;
+    frame.is_spent.store(true, std::memory_order_relaxed);
+    return true;
 }
 
 } // namespace nusselt

@@ -203,6 +203,7 @@ void meet_history(Frame& frame, const FrameDesc& desc) {
 void start_clock(void* context, uint32_t, uint32_t, uint32_t) {
     Frame& frame = frame_of(context);
     frame.deadline_ns = clock_nanoseconds(frame) + frame.budget_ns;
+    frame.is_spent.store(false, std::memory_order_relaxed);
 }
 
 void place_and_compare(void* context, uint32_t begin, uint32_t end, uint32_t slot) {

@@ -147,6 +147,77 @@ TEST(Accuracy, BitsOfATriangle) {
     }
 }
 
+// The part of a receiver's cosine-weighted hemisphere that a triangle wholly above its horizon holds
+// (Lambert).
+double form_factor(const std::array<std::array<double, 3>, 3>& local) {
+    double sum = 0;
+    for (size_t i = 0; i < 3; ++i) {
+        const auto &a = local[i], &b = local[(i + 1) % 3];
+        const double c[3] = {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+        const double size = std::sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]);
+        if (size > 0) sum += std::atan2(size, a[0] * b[0] + a[1] * b[1] + a[2] * b[2]) * c[2] / size;
+    }
+    return std::fabs(sum) / (2 * 3.14159265358979323846);
+}
+
+// G15. Level: what is known. Triangles far smaller or narrower than a cell of the table hide more than they
+// hold, as their three planes move apart: by a share of a sample each, whatever their size, which is nothing
+// for a surface, whose triangles overlap there, and much for thousands of loose specks or blades.
+TEST(Accuracy, G15WhatSmallTrianglesGain) {
+    constexpr uint32_t bytes = 128;
+    struct Shape {
+        const char* name;
+        float length, width;
+    };
+    const Shape shapes[] = {{"triangles of 0.1", 0.1f, 0.1f},
+                            {"specks of 1e-6", 1e-6f, 1e-6f},
+                            {"blades of 0.1 by 0.01", 0.1f, 0.01f},
+                            {"ribbons of 0.1 by 1e-4", 0.1f, 1e-4f}};
+    for (const Shape& shape : shapes) {
+        Random random(stress_seed() + 61);
+        double bits = 0, held = 0, seen = 0;
+        for (uint64_t i = 0; i < stress_cases(); ++i) {
+            Soup soup;
+            soup.triangles = {{0, 1, 2}};
+            float at[3], along[3], across[3];
+            random.direction(at);
+            random.direction(along);
+            random.direction(across);
+            soup.points.resize(3);
+            const float distance = random.between(0.6f, 1);
+            for (size_t k = 0; k < 3; ++k) {
+                soup.points[0][k] = at[k] * distance;
+                soup.points[1][k] = soup.points[0][k] + shape.length * along[k];
+                soup.points[2][k] = soup.points[0][k] + shape.width * across[k];
+            }
+            std::vector<std::array<float, 3>> from(16), up(16);
+            for (uint32_t lane = 0; lane < 16; ++lane) {
+                from[lane] = {random.between(-0.1f, 0.1f), random.between(-0.1f, 0.1f),
+                              random.between(-0.1f, 0.1f)};
+                random.direction(up[lane].data());
+            }
+            const Batch batch = batch_of(from, up);
+            const Masks masks = rasterize(widest(), standard, batch, soup);
+            for (uint32_t lane = 0; lane < 16; ++lane) {
+                const auto local = local_corners(batch, lane, corners_of(soup, 0));
+                const auto high = [](const std::array<double, 3>& c) {
+                    return c[2] > 0.3 * std::sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]);
+                };
+                if (!std::all_of(local.begin(), local.end(), high)) continue;
+                ++seen;
+                bits += count_bits(masks.data() + lane * bytes, bytes);
+                held += 1024 * form_factor(local);
+            }
+        }
+        ASSERT_GT(bits, 0);
+        const std::string name = std::string("G15 ") + shape.name + ": samples of 1024 ";
+        figure(name + "held, each", held / seen, "samples");
+        figure(name + "gained, each", (bits - held) / seen, "samples");
+        EXPECT_GT(bits - held, -0.02 * seen) << shape.name;
+        EXPECT_LT(bits - held, 0.3 * seen) << shape.name;
+    }
+}
+
 // The angle between a sample and the nearest vertex of the surface, as the lane sees it.
 double angle_to_a_vertex(const Batch& batch, uint32_t lane, const Soup& surface, const double sample[3]) {
     double most = -1;

@@ -131,11 +131,12 @@ double processor_milliseconds(clockid_t clock) {
 }
 
 // The pieces that a frame's threads take up, as a profiler sees them. Cancels the frame from whichever thread
-// begins the n-th, counted from `arm` on.
+// begins the n-th.
 struct Pieces {
     Context* context = nullptr;
     FrameId frame;
-    std::atomic<int32_t> left = 0; // 1: the next; 0 and below: never
+    std::atomic<bool> known = false; // `frame`
+    std::atomic<int32_t> left = 0;   // 1: the next; 0 and below: never
     std::atomic<bool> asked = false;
     std::atomic<uint32_t> begun = 0, begun_after = 0; // of them, after `cancel` had returned
     std::atomic<uint32_t> most_of_a_thread = 0;       // of those
@@ -143,13 +144,15 @@ struct Pieces {
     std::atomic<double> asked_at = 0; // processor time of the whole process, ms
     std::atomic<double> longest = 0;  // of a piece's own processor time, ms
 
-    void arm(FrameId id, uint32_t pieces) {
+    // Before the frame is submitted, so that its first piece is the first that counts; `submitted` after.
+    void arm(uint32_t pieces) { left = int32_t(pieces); }
+    void submitted(FrameId id) {
         frame = id;
-        left = int32_t(pieces);
+        known = true;
     }
     void forget() {
         left = 0;
-        asked = false;
+        known = asked = false;
         begun = begun_after = most_of_a_thread = 0;
         ++round;
     }
@@ -184,7 +187,11 @@ struct Pieces {
                     if (!is_piece(zone)) return;
                     ++self.begun;
                     if (self.asked) self.count_after();
-                    if (self.left > 0 && self.left.fetch_sub(1) == 1) self.cancel_now(self.frame);
+                    if (self.left > 0 && self.left.fetch_sub(1) == 1) {
+                        while (!self.known)
+                            std::this_thread::yield();
+                        self.cancel_now(self.frame);
+                    }
                     start_of_piece() = processor_milliseconds(CLOCK_THREAD_CPUTIME_ID);
                 },
                 [](void* user, const char* zone) {
@@ -231,13 +238,13 @@ TEST(Faults, J2CancelledAtAThousandInstants) {
         pieces.forget();
         // Most of them where the frame is under way, from the first thread's start on.
         const auto at = std::chrono::duration<double, std::milli>(random.between(-0.2f, 1) * length);
+        if (i % 2 == 0) pieces.arm(1 + random.below(pieces_of_a_frame));
         ASSERT_TRUE(flight.submit().ok());
+        pieces.submitted(flight.id);
         std::atomic<double> asked = 1e9;
         const auto start = Clock::now();
         std::thread other;
-        if (i % 2 == 0) {
-            pieces.arm(flight.id, 1 + random.below(pieces_of_a_frame));
-        } else {
+        if (i % 2 == 1) {
             other = std::thread([&] {
                 while (Clock::now() - start < at)
                     std::this_thread::yield();
@@ -279,9 +286,10 @@ TEST(Faults, J2CancelledAtAThousandInstants) {
     figure("J2 longest piece of such a frame", pieces.longest, "ms");
     figure("J2 pieces begun after cancel had returned, most", most_begun, "pieces");
     EXPECT_LE(processor, threads * pieces.longest + 1);
-    // No empty experiment, whatever else the machine does.
-    EXPECT_GT(partial, 0u);
-    EXPECT_GT(none, 0u);
+    // No empty experiment, whatever else the machine does: of the five hundred that are cancelled where a
+    // piece begins, more than these have receivers' pieces behind them, and more than these have none.
+    EXPECT_GE(partial, 50u);
+    EXPECT_GE(none, 50u);
 }
 
 // A host whose executor throws at its k-th call, whichever of the two it is.
@@ -796,37 +804,122 @@ TEST(Faults, J11StalledThreads) {
     EXPECT_LT(percentile(times, 0.5), most);
 }
 
-// J11. A budget of a millisecond for frames that take several, on threads that stall for two: each frame
-// ends, tells what it left out, and nobody waits for ever; when the motion ends, all is as without a budget.
+// The clock of a budget, and what is done with it: which looks at it are in time; how long a thread works
+// on receivers from one look, or from the beginning of its piece, to the next or to the piece's end, which is
+// a grain; and what processor time the process had taken when the last look in time was, or when the first
+// receivers were, which don't depend on one.
+struct WatchedClock {
+    uint64_t budget_ns = 0;
+    bool stands = false; // a planted fault: frames are told that no time passes
+    std::atomic<uint64_t> deadline = 0, in_time = 0, pieces = 0;
+    std::atomic<double> last_in_time = 0, longest_grain = 0, kept = 0; // ms of a processor
+
+    void begin_frame() {
+        deadline = in_time = pieces = 0;
+        last_in_time = longest_grain = kept = 0;
+    }
+    static double& grain() { // the thread's, by its processor time; 0: none
+        thread_local double began = 0;
+        return began;
+    }
+    static void begin_grain() { grain() = processor_milliseconds(CLOCK_THREAD_CPUTIME_ID); }
+    void end_grain() {
+        if (grain() == 0) return;
+        const double took = processor_milliseconds(CLOCK_THREAD_CPUTIME_ID) - grain();
+        for (double most = longest_grain; took > most && !longest_grain.compare_exchange_weak(most, took);) {
+        }
+        grain() = 0;
+    }
+    uint64_t look() {
+        end_grain();
+        const auto now = uint64_t(
+            std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now().time_since_epoch()).count());
+        uint64_t none = 0;
+        deadline.compare_exchange_strong(none, now + budget_ns); // a frame's first look starts its clock
+        if (now < deadline) {
+            ++in_time;
+            last_in_time = processor_milliseconds(CLOCK_PROCESS_CPUTIME_ID);
+            begin_grain();
+        }
+        return stands ? deadline - budget_ns : now;
+    }
+    nusselt::Clock hook() {
+        return {this, [](void* user) { return static_cast<WatchedClock*>(user)->look(); }};
+    }
+    static bool is(const char* zone, const char* name) { return std::strcmp(zone, name) == 0; }
+    Profiler profiler() {
+        return {this,
+                [](void* user, const char* zone) {
+                    auto& self = *static_cast<WatchedClock*>(user);
+                    self.end_grain();
+                    if (is(zone, "nusselt receivers")) {
+                        if (self.pieces++ == 0)
+                            self.last_in_time = processor_milliseconds(CLOCK_PROCESS_CPUTIME_ID);
+                        begin_grain();
+                    }
+                    if (is(zone, "nusselt kept"))
+                        self.kept -= processor_milliseconds(CLOCK_THREAD_CPUTIME_ID);
+                },
+                [](void* user, const char* zone) {
+                    auto& self = *static_cast<WatchedClock*>(user);
+                    self.end_grain();
+                    if (is(zone, "nusselt kept"))
+                        self.kept += processor_milliseconds(CLOCK_THREAD_CPUTIME_ID);
+                }};
+    }
+};
+
+// J11. A budget of a millisecond for frames that take several, on threads that stall for two. 999 of 1,000
+// (of few frames 98 of 100) end with the budget and a grain of each thread, by processor time, in which
+// stalls and other programs don't count; the stages that always are done come on top, and a millisecond for
+// threads made and joined. A frame tells what it left out, and nobody waits for ever; when the motion ends,
+// all is as without a budget.
 TEST(Faults, J11BudgetOnStalledThreads) {
-    StallingThreads threads{std::chrono::milliseconds(2)};
+    StallingThreads executor{std::chrono::milliseconds(2)};
+    constexpr uint32_t threads = 3; // two, and the one that waits
+    WatchedClock clock{1000000};
     ContextDesc desc;
-    desc.executor = threads.hook();
+    desc.executor = executor.hook();
+    desc.clock = clock.hook();
+    desc.profiler = clock.profiler();
     Engine engine(desc);
     const scenes::Mesh ring = scenes::torus(1, 0.4f, 72, 36);
-    Posed moving = at_rest(add(engine.context, ring), ring);
+    Flight flight(engine.context, {at_rest(add(engine.context, ring), ring)});
+    std::vector<glm::vec3>& positions = flight.posed[0].positions;
     FrameDesc settings;
+    settings.meshes = flight.meshes.data();
+    settings.mesh_count = 1;
     ASSERT_TRUE(create_history(engine.context, &settings.history).ok());
-    settings.budget_us = 1000;
-    const auto pose = [&](int frame) {
-        for (size_t v = 0; v < ring.rest_positions.size(); ++v)
-            moving.positions[v] = ring.rest_positions[v] * (1 + 0.1f * std::sin(0.2f * float(frame)));
-    };
-    const auto batches = uint32_t((ring.rest_positions.size() + 15) / 16);
-    const int frames = stress_cases() >= 20000 ? 10000 : 200;
+    settings.budget_us = 1e-3f * float(clock.budget_ns);
     std::vector<double> times;
+    // The processor time from a frame's last look in time to its end, in parts of what it may be.
+    const auto overrun = [&](int frame, FrameStats& stats) {
+        for (size_t v = 0; v < positions.size(); ++v)
+            positions[v] = ring.rest_positions[v] * (1 + 0.1f * std::sin(0.2f * float(frame)));
+        clock.begin_frame();
+        const auto start = Clock::now();
+        EXPECT_TRUE(nusselt::submit(engine.context, settings, &flight.id).ok());
+        EXPECT_TRUE(wait(engine.context, flight.id, &stats).ok());
+        const double after =
+            processor_milliseconds(CLOCK_PROCESS_CPUTIME_ID) - clock.last_in_time - clock.kept;
+        times.push_back(milliseconds_since(start));
+        return after / (threads * clock.longest_grain + 1);
+    };
+    const auto batches = uint32_t((positions.size() + 15) / 16);
+    const int frames = stress_cases() >= 20000 ? 10000 : 200;
     uint64_t stale = 0;
     uint32_t oldest = 0;
+    std::vector<double> overruns;
+    FrameStats s;
+    overrun(-1, s); // makes the tables
+    times.clear();
     for (int frame = 0; frame < frames; ++frame) {
-        pose(frame);
-        const auto start = Clock::now();
-        const Outputs out = run_frame(engine.context, {moving}, settings);
-        times.push_back(milliseconds_since(start));
-        const FrameStats& s = out.stats;
+        overruns.push_back(overrun(frame, s));
         ASSERT_EQ(s.receivers_computed + s.receivers_reused + s.receivers_stale + s.receivers_copied,
                   s.receivers);
         ASSERT_EQ(s.receivers_written, s.receivers);
         ASSERT_GT(s.receivers_computed, 0u);
+        ASSERT_LE(s.receivers_computed, 16 * (1 + clock.in_time)); // the first needs none
         stale += s.receivers_stale;
         oldest = std::max(oldest, s.stale_frames_max);
     }
@@ -836,10 +929,24 @@ TEST(Faults, J11BudgetOnStalledThreads) {
            "ms");
     figure("J11 frame with a budget of 1 ms on threads that stall for 2 ms, 999 of 1,000 below",
            percentile(times, 0.999), "ms");
+    figure("J11 processor time after the budget, of a grain for each thread and 1 ms, 999 of 1,000 below",
+           percentile(overruns, 0.999), "times");
+#if !defined(NUSSELT_SANITIZED)
+    EXPECT_LE(percentile(overruns, frames >= 10000 ? 0.999 : 0.98), 1);
+    // Frames that don't know the time go on, and are seen.
+    clock.stands = true;
+    std::vector<double> blind;
+    for (int frame = 0; frame < 20; ++frame)
+        blind.push_back(overrun(frames + frame, s));
+    EXPECT_GT(percentile(blind, 0.5), 1);
+    clock.stands = false;
+#endif
     settings.budget_us = 1e9f;
-    const Outputs all = run_frame(engine.context, {moving}, settings);
-    EXPECT_EQ(all.stats.receivers_stale, 0u);
-    EXPECT_EQ(all, run_frame(engine.context, {moving}));
+    clock.budget_ns = 1000000000000;
+    FrameStats all;
+    overrun(frames, all);
+    EXPECT_EQ(all.receivers_stale, 0u);
+    EXPECT_TRUE(flight.whole(run_frame(engine.context, flight.posed)));
     EXPECT_TRUE(remove_history(engine.context, settings.history).ok());
 }
 

@@ -73,7 +73,8 @@ TEST(Hostile, G1Slivers) {
     }
     figure("G1 slivers of 1e-3 to 1e-12: bits per triangle, mean", double(bits) / double(count), "bits");
     figure("G1 slivers of 1e-3 to 1e-12: bits of a triangle, most", double(most), "bits");
-    EXPECT_LE(most, 40u);
+    EXPECT_LE(double(bits) / double(count), 0.01); // a ten-thousandth of the samples of one in ten slivers
+    EXPECT_LE(most, 24u);
 }
 
 // G2. A receiver at a corner of another mesh's triangle: that triangle hides nothing of it.
@@ -542,13 +543,11 @@ TEST(Hostile, G14NothingIsReadPastTheLastElement) {
     }
 }
 
-// G15. Ribbons, coincident layers and dust cost at most 1.2 times what as many ordinary triangles do, in
-// memory and in the least processor time of frames that take turns (of more of them where it is above, as in
-// G9). To add them takes 0.9 to 1.0 times as long on a quiet machine, and up to 1.21 beside programs that
-// share its caches.
-TEST(Hostile, G15RibbonsLayersDust) {
+// G15. As many ribbons, coincident layers and dust as ordinary triangles cost at most 1.2 times as much: in
+// memory, and in the least processor time of being added and of a frame, in rounds that take turns (more of
+// them where it is above, as in G9: a hundred thousand triangles share the caches with whatever else runs).
+void expect_the_cost_of_ordinary_triangles(uint32_t count) {
     Engine engine;
-    const uint32_t count = stress_cases() >= 20000 ? 100000 : 2000;
     const auto make = [&](const std::function<void(Random&, glm::vec3[3])>& triangle) {
         Random random(7);
         std::vector<glm::vec3> corners;
@@ -609,19 +608,25 @@ TEST(Hostile, G15RibbonsLayersDust) {
          }}};
     for (const auto& [name, kind] : kinds) {
         Cost cost{make(kind)};
-        const auto dear = [&] { return cost.added > 1.5 * plain.added || cost.frame > 1.2 * plain.frame; };
-        for (int round = 0; round < 2 || (dear() && round < 5); ++round) {
+        const auto dear = [&] { return cost.added > 1.2 * plain.added || cost.frame > 1.2 * plain.frame; };
+        const int rounds = count > 10000 ? 3 : 10;
+        for (int round = 0; round < rounds || (dear() && round < 10 * rounds); ++round) {
             measure(plain);
             measure(cost);
         }
-        const std::string what = std::string("G15 ") + name + " against plain triangles: ";
+        const std::string what = "G15 " + std::to_string(count) + " " + name + " against plain triangles: ";
         figure(what + "memory", cost.bytes / plain.bytes, "times");
         figure(what + "time to add", cost.added / plain.added, "times");
         figure(what + "time of a frame", cost.frame / plain.frame, "times");
-        EXPECT_LE(cost.bytes, 1.2 * plain.bytes);
-        EXPECT_LE(cost.added, 1.5 * plain.added);
-        EXPECT_LE(cost.frame, 1.2 * plain.frame);
+        EXPECT_LE(cost.bytes, 1.2 * plain.bytes) << name;
+        EXPECT_LE(cost.added, 1.2 * plain.added) << name;
+        EXPECT_LE(cost.frame, 1.2 * plain.frame) << name;
     }
+}
+
+TEST(Hostile, G15RibbonsLayersDust) {
+    expect_the_cost_of_ordinary_triangles(2000);
+    if (stress_cases() >= 20000) expect_the_cost_of_ordinary_triangles(100000);
 }
 
 // G16. Random bits for coordinates, random indices: every instruction set gives the same finite bits, and

@@ -203,7 +203,10 @@ TEST(Soak, NothingGrowsAndNothingDrifts) {
                 std::vector<Posed> again = posed;
                 for (size_t m = 0; m < again.size(); ++m)
                     again[m].mesh = add(cold.context, scene.meshes[m]);
-                ASSERT_EQ(run_frame(cold.context, again), out) << "frame " << frame;
+                const Outputs fresh = run_frame(cold.context, again);
+                ASSERT_EQ(fresh, out) << "frame " << frame;
+                ASSERT_EQ(fresh.stats.clusters_tested, out.stats.clusters_tested) << "frame " << frame;
+                ASSERT_EQ(fresh.stats.triangles_considered, out.stats.triangles_considered);
             }
         }
         const double grown = resident_kilobytes() - before;
@@ -212,10 +215,24 @@ TEST(Soak, NothingGrowsAndNothingDrifts) {
                grown / std::max(0.001, double(frames - warm) / 1000), "KB");
         figure("soak: processor time of the last tenth against the first", last_ms / first_ms, "times");
         // Cold contexts in between move the heap a little, once.
-        EXPECT_LE(grown, 2048 + double(frames) / 1000);
+        EXPECT_LE(grown, 512 + double(frames) / 1000);
         EXPECT_EQ(entries("/proc/self/fd"), files);
         EXPECT_LE(entries("/proc/self/task"), tasks);
-        EXPECT_LE(last_ms, 2.5 * first_ms);
+        // What else the machine does in an hour shows in that: the same frame here and in a new context, in
+        // turns.
+        Engine fresh(desc);
+        const std::vector<Posed> here = pose(frames);
+        std::vector<Posed> there = here;
+        for (size_t m = 0; m < there.size(); ++m)
+            there[m].mesh = add(fresh.context, scene.meshes[m]);
+        double old_ms = 1e30, new_ms = 1e30;
+        for (int round = 0; round < (old_ms <= 1.15 * new_ms ? 30 : 400); ++round) {
+            old_ms = std::min(old_ms, run_frame(engine.context, here).stats.cpu_ms);
+            new_ms = std::min(new_ms, run_frame(fresh.context, there).stats.cpu_ms);
+        }
+        figure("soak: processor time of a frame in the old context against a new one, least", old_ms / new_ms,
+               "times");
+        EXPECT_LE(old_ms, 1.15 * new_ms);
     }
     if (threads) destroy_executor(&desc.executor);
 }
