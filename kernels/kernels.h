@@ -127,6 +127,9 @@ struct alignas(64) ClusterScratch {
                                        // nearer than `farthest`, not nearer than `nearest`
     uint32_t halves[cluster_vertices]; // one bit a lane each: y < 0, y > 0
     uint32_t entry[cluster_edges][lanes];
+    // Where both sides are asked for: as `reach` (the first two) and `entry`, for receivers that look behind.
+    uint32_t behind[cluster_vertices];
+    uint32_t entry_behind[cluster_edges][lanes];
 };
 
 // Adds the jobs of a cluster: transforms its vertices to each receiver's tangent frame, culls triangles by
@@ -136,6 +139,13 @@ struct alignas(64) ClusterScratch {
 using ClusterJobs = void (*)(const Batch& batch, const ClusterView& cluster, const float* points,
                              const MaskLayout& layout, float horizon, ClusterScratch& scratch, JobList& jobs,
                              Counters& counters);
+
+// The same for both sides of a surface: `behind` holds the receivers of `batch` with their normals turned
+// over (not those with a normal along z, whose tangent frames are no mirror images), and its masks lie behind
+// those of `batch`. Layouts with an octahedral table only.
+using BothSidesJobs = void (*)(const Batch& batch, const Batch& behind, const ClusterView& cluster,
+                               const float* points, const MaskLayout& layout, float horizon,
+                               ClusterScratch& scratch, JobList& jobs, Counters& counters);
 
 // Adds the jobs of one triangle a lane (corners[corner][axis][lane], frame space; `active` bit a lane).
 // `two_sided` bit a lane. As ClusterJobs otherwise.
@@ -181,6 +191,7 @@ struct Kernels {
     PrepareBatch prepare_batch;
     SelectClusters select_clusters;
     ClusterJobs cluster_jobs;
+    BothSidesJobs both_sides_jobs;
     TriangleJobs triangle_jobs;
     FanJobs fan_jobs;
     SelectAlong select_along;

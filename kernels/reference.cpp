@@ -203,6 +203,16 @@ void cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* p
     }
 }
 
+void both_sides_jobs(const Batch& batch, const Batch& behind, const ClusterView& cluster, const float* points,
+                     const MaskLayout& layout, float horizon, ClusterScratch& scratch, JobList& jobs,
+                     Counters& counters) {
+    cluster_jobs(batch, cluster, points, layout, horizon, scratch, jobs, counters);
+    const uint32_t first = jobs.count;
+    cluster_jobs(behind, cluster, points, layout, horizon, scratch, jobs, counters);
+    for (uint32_t j = first; j < jobs.count; ++j)
+        jobs.destination[j] += lanes * mask_bytes(layout);
+}
+
 // The three planes of a free triangle; `inner` tells the lanes in which it is seen from behind.
 uint32_t free_entries(const MaskLayout& layout, const Vec& a, const Vec& b, const Vec& c, bool behind,
                       uint32_t lane, uint32_t entry[3][lanes]) {
@@ -383,8 +393,9 @@ void evaluate_sh(const float* x, const float* y, const float* z, size_t count, f
 
 } // namespace
 
-const Kernels reference_kernels = {"scalar",  prepare_batch, select_clusters, cluster_jobs,    triangle_jobs,
-                                   fan_jobs,  select_along,  triangles_along, count_crossings, run_jobs,
-                                   integrate, rotate,        downsample,      shade,           evaluate_sh};
+const Kernels reference_kernels = {"scalar",        prepare_batch,   select_clusters, cluster_jobs,
+                                   both_sides_jobs, triangle_jobs,   fan_jobs,        select_along,
+                                   triangles_along, count_crossings, run_jobs,        integrate,
+                                   rotate,          downsample,      shade,           evaluate_sh};
 
 } // namespace nusselt::kernels

@@ -166,8 +166,13 @@ HWY_INLINE Horizon horizon_towards(float tangent, V x, V y) {
             hn::IfThenElseZero(some, hn::Mul(t, hn::Div(y, across)))};
 }
 
+// How high the horizon stands where p is.
+HWY_INLINE V horizon_under(const Horizon& h, const Vec3& p) {
+    return hn::Add(hn::Mul(h.x, p.x), hn::Mul(h.y, p.y));
+}
+
 HWY_INLINE V over_horizon(const Horizon& h, const Vec3& p) {
-    return hn::Sub(p.z, hn::Add(hn::Mul(h.x, p.x), hn::Mul(h.y, p.y)));
+    return hn::Sub(p.z, horizon_under(h, p));
 }
 
 // The lanes of `bits` moved to the front, in order. Our own below AVX-512: the library's copies its table to
@@ -514,131 +519,241 @@ HWY_INLINE uint32_t nearer_than(float distance, const ClusterScratch& scratch, c
     return near;
 }
 
+// What a cluster's jobs are made of. `behind`: the same receivers looking the other way, where both sides are
+// asked for.
+struct ClusterWork {
+    const Batch& batch;
+    const Batch& behind;
+    const ClusterView& cluster;
+    const float* points;
+    const MaskLayout& layout;
+    float horizon;
+    ClusterScratch& scratch;
+    JobList& jobs;
+    Counters& counters;
+};
+
+// Of each triangle, one bit a lane of a register.
+struct TriangleLanes {
+    uint32_t valid[2];                                          // receivers, and those that look behind
+    uint32_t front[cluster_triangles], back[cluster_triangles]; // in front of it, behind a two-sided one
+    uint32_t visible[2][cluster_triangles];                     // over the horizon too, and in its band
+    // One bit a triangle, a corner, an edge.
+    uint64_t seen, corners, drawn, edges[2][2];
+};
+
+HWY_INLINE void touch(const ClusterWork& work, uint32_t triangle, uint32_t touching, uint32_t behind) {
+    if (touching)
+        touching_jobs(work.batch, work.cluster, work.points, triangle, touching, work.layout, work.horizon,
+                      work.jobs, work.counters);
+    if (!behind) return;
+    const uint32_t first = work.jobs.count;
+    touching_jobs(work.behind, work.cluster, work.points, triangle, behind, work.layout, work.horizon,
+                  work.jobs, work.counters);
+    for (uint32_t j = first; j < work.jobs.count; ++j)
+        work.jobs.destination[j] += lanes * mask_bytes(work.layout);
+}
+
+// Facing, from the planes alone: it spares half of the corners their transformation. Which way a receiver
+// looks does not matter.
+HWY_INLINE void face_triangles(const ClusterWork& work, const FirstLook& look, const Chunk& chunk,
+                               uint32_t lane, V margin, TriangleLanes& out) {
+    const ClusterView& cluster = work.cluster;
+    const uint32_t slots = triangle_slots(cluster.triangle_count), valid = out.valid[0] | out.valid[1];
+    const V opposite = hn::Sub(hn::Zero(df), margin);
+    const V touch_margin = cluster.full ? margin : constant(-1.0f); // none: coarse surfaces lie off
+    const auto corners_of = [&](uint32_t t) HWY_ATTR {
+        const uint8_t* triangle = cluster.triangles + 8 * t;
+        return 1ull << triangle[0] | 1ull << triangle[1] | 1ull << triangle[2];
+    };
+    out.corners = 0;
+    out.seen = look.faces_all | look.faces_none;
+    for (uint64_t left = out.seen; left; left &= left - 1) {
+        const uint32_t t = static_cast<uint32_t>(__builtin_ctzll(left));
+        const bool faces = look.faces_all >> t & 1;
+        out.front[t] = faces ? valid : 0;
+        out.back[t] = faces ? 0 : valid;
+        out.corners |= corners_of(t);
+    }
+    for (uint64_t left = look.visible & ~out.seen; left; left &= left - 1) {
+        const uint32_t t = static_cast<uint32_t>(__builtin_ctzll(left));
+        const float* plane = cluster.bounds + t;
+        const V height = hn::Sub(dot(constant(plane[0]), constant(plane[slots]), constant(plane[2 * slots]),
+                                     chunk.position[0], chunk.position[1], chunk.position[2]),
+                                 constant(plane[3 * slots]));
+        out.front[t] = bits_of(hn::Gt(height, margin)) & valid;
+        out.back[t] = cluster.two_sided ? bits_of(hn::Lt(height, opposite)) & valid : 0;
+        const M touches = hn::Le(hn::Abs(height), touch_margin);
+        if (HWY_UNLIKELY(!hn::AllFalse(df, touches))) {
+            const uint8_t* triangle = cluster.triangles + 8 * t;
+            const uint32_t touching =
+                bits_of(hn::AndNot(at_corner(chunk, cluster, work.points, triangle), touches));
+            touch(work, t, (touching & out.valid[0]) << lane, (touching & out.valid[1]) << lane);
+        }
+        const bool any = (out.front[t] | out.back[t]) != 0;
+        out.corners |= any ? corners_of(t) : 0;
+        out.seen |= uint64_t(any) << t;
+    }
+}
+
+// Corners in the receivers' tangent frames, and what a triangle needs to know of them: it is the OR of
+// theirs, one bit a lane, 16 bits a question. From behind a corner lies at (x, -y, -z).
+template<bool both>
+HWY_INLINE void place_corners(const ClusterWork& work, const Chunk& chunk, const Horizon& towards,
+                              uint64_t corners) {
+    const ClusterView& cluster = work.cluster;
+    ClusterScratch& scratch = work.scratch;
+    const V farthest = constant(cluster.farthest * cluster.farthest),
+            nearest = constant(cluster.nearest * cluster.nearest), zero = hn::Zero(df);
+    for (uint64_t left = corners; left; left &= left - 1) {
+        const uint32_t v = static_cast<uint32_t>(__builtin_ctzll(left));
+        const float* p = work.points + 4 * size_t(cluster.vertices[v]);
+        const Vec3 local = to_local(chunk, constant(p[0]), constant(p[1]), constant(p[2]));
+        hn::Store(local.x, df, scratch.local[v][0]);
+        hn::Store(local.y, df, scratch.local[v][1]);
+        hn::Store(local.z, df, scratch.local[v][2]);
+        const V square = dot(local.x, local.y, local.z, local.x, local.y, local.z);
+        const V rise = horizon_under(towards, local);
+        const uint64_t above = bits_of(hn::Gt(local.z, zero));
+        const uint64_t over = bits_of(hn::Gt(hn::Sub(local.z, rise), zero));
+        const uint64_t near = bits_of(hn::Lt(square, farthest)), far = bits_of(hn::Ge(square, nearest));
+        scratch.reach[v] = above | over << 16 | near << 32 | far << 48;
+        scratch.halves[v] = bits_of(hn::Lt(local.y, zero)) | bits_of(hn::Gt(local.y, zero)) << 16;
+        if constexpr (both) {
+            const V depth = hn::Sub(zero, local.z);
+            scratch.behind[v] = bits_of(hn::Lt(local.z, zero)) | bits_of(hn::Gt(hn::Sub(depth, rise), zero))
+                                                                     << 16;
+        }
+    }
+}
+
+template<bool both>
+HWY_INLINE void find_visible(const ClusterWork& work, uint64_t large, TriangleLanes& out) {
+    const ClusterView& cluster = work.cluster;
+    const ClusterScratch& scratch = work.scratch;
+    out.drawn = 0;
+    std::memset(out.edges, 0, sizeof(out.edges));
+    for (uint64_t left = out.seen; left; left &= left - 1) {
+        const uint32_t t = static_cast<uint32_t>(__builtin_ctzll(left));
+        const uint8_t* triangle = cluster.triangles + 8 * t;
+        const uint64_t c0 = scratch.reach[triangle[0]], c1 = scratch.reach[triangle[1]],
+                       c2 = scratch.reach[triangle[2]], any = c0 | c1 | c2;
+        const uint64_t far = cluster.two_sided ? (c0 & c1) | (c1 & c2) | (c2 & c0) : any;
+        const uint32_t near = HWY_UNLIKELY(large >> t & 1)
+                                  ? nearer_than(triangle_reach(cluster, t), scratch, triangle)
+                                  : static_cast<uint32_t>(any >> 32);
+        const uint32_t drawn = static_cast<uint32_t>(far >> 48) & near & (out.front[t] | out.back[t]);
+        out.visible[0][t] = static_cast<uint32_t>(any & any >> 16) & drawn & out.valid[0];
+        if constexpr (both) {
+            const uint32_t above =
+                scratch.behind[triangle[0]] | scratch.behind[triangle[1]] | scratch.behind[triangle[2]];
+            out.visible[1][t] = above & above >> 16 & drawn & out.valid[1];
+        }
+        for (uint32_t side = 0; side < (both ? 2 : 1); ++side) {
+            if (!out.visible[side][t]) continue;
+            out.drawn |= 1ull << t;
+            for (uint32_t k = 3; k < 6; ++k)
+                out.edges[side][triangle[k] >> 6] |= 1ull << (triangle[k] & 63);
+        }
+    }
+}
+
+// The plane of an edge as one batch has it.
 template<PlaneMap map>
-void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float* points,
-                     const MaskLayout& layout, float horizon, ClusterScratch& scratch, JobList& jobs,
-                     Counters& counters) {
-    counters.triangles_considered += uint64_t(__builtin_popcount(batch.valid)) * cluster.triangle_count;
-    const FirstLook look = first_look(batch.bounds, cluster, horizon);
+HWY_INLINE U edge_entry(const ClusterWork& work, const Batch& batch, uint32_t lane, uint32_t edge) {
+    const Chunk chunk = load_chunk(batch, lane);
+    const auto corner = [&](uint32_t end) HWY_ATTR {
+        const float* p = work.points + 4 * size_t(work.cluster.vertices[work.cluster.edges[2 * edge + end]]);
+        return to_local(chunk, constant(p[0]), constant(p[1]), constant(p[2]));
+    };
+    return plane_entry<map>(work.layout, cross(corner(0), corner(1)));
+}
+
+template<PlaneMap map, bool both>
+HWY_INLINE void find_planes(const ClusterWork& work, uint32_t lane, const TriangleLanes& drawn) {
+    ClusterScratch& scratch = work.scratch;
+    for (uint32_t word = 0; word < 2; ++word) {
+        const uint64_t front = drawn.edges[0][word], behind = both ? drawn.edges[1][word] : 0;
+        for (uint64_t left = front | behind; left; left &= left - 1) {
+            const uint32_t bit = static_cast<uint32_t>(__builtin_ctzll(left)), e = word * 64 + bit;
+            const auto& a = scratch.local[work.cluster.edges[2 * e]];
+            const auto& b = scratch.local[work.cluster.edges[2 * e + 1]];
+            const Vec3 from{hn::Load(df, a[0]), hn::Load(df, a[1]), hn::Load(df, a[2])};
+            const Vec3 to{hn::Load(df, b[0]), hn::Load(df, b[1]), hn::Load(df, b[2])};
+            const Vec3 normal = cross(from, to);
+            if (!both || (front >> bit & 1))
+                hn::Store(plane_entry<map>(work.layout, normal), du, scratch.entry[e]);
+            if (!(behind >> bit & 1)) continue;
+            U entry = plane_entry<map>(work.layout, Vec3{normal.x, hn::Neg(normal.y), hn::Neg(normal.z)});
+            // The sign of a zero chooses the cell, and a sum that cancels is +0 on either side.
+            if (HWY_UNLIKELY(!hn::AllFalse(df, hn::Eq(normal.z, hn::Zero(df)))))
+                entry = edge_entry<map>(work, work.behind, lane, e);
+            hn::Store(entry, du, scratch.entry_behind[e]);
+        }
+    }
+}
+
+// `lower`, `upper`: lanes in which the triangle reaches the mask's first and second half.
+HWY_INLINE void add_triangle(const ClusterWork& work, uint32_t t, const uint32_t entries[][lanes],
+                             uint32_t visible, uint32_t back, U destination, uint32_t lower, uint32_t upper) {
+    const uint8_t* triangle = work.cluster.triangles + 8 * t;
+    const uint32_t complement = entry_complement(work.layout);
+    U entry[3];
+    for (uint32_t k = 0; k < 3; ++k) {
+        const U flip = hn::Set(du, triangle[6] >> k & 1 ? complement : 0);
+        entry[k] = hn::Xor(hn::Load(du, entries[triangle[3 + k]]), flip);
+    }
+    if (back) {
+        const U turned = hn::IfThenElseZero(hn::RebindMask(du, mask_of(back)), hn::Set(du, complement));
+        for (U& e : entry)
+            e = hn::Xor(e, turned);
+    }
+    const uint32_t active = visible & bits_of(valid_entries(entry));
+    work.counters.triangles_rasterized += static_cast<uint32_t>(__builtin_popcount(active));
+    add_jobs(work.layout, entry, destination, active & lower, active & upper, work.jobs);
+}
+
+template<PlaneMap map, bool both>
+void cluster_jobs_of(const ClusterWork& work) {
+    const ClusterView& cluster = work.cluster;
+    const uint32_t receivers = static_cast<uint32_t>(__builtin_popcount(work.batch.valid)) +
+                               (both ? static_cast<uint32_t>(__builtin_popcount(work.behind.valid)) : 0);
+    work.counters.triangles_considered += uint64_t(receivers) * cluster.triangle_count;
+    ReceiverBounds bounds = work.batch.bounds;
+    if constexpr (both) bounds.cone_cos = -1; // next to nothing lies below all horizons of both sides
+    const FirstLook look = first_look(bounds, cluster, work.horizon);
     if (!look.visible) return;
-    const uint32_t slots = triangle_slots(cluster.triangle_count);
     for (uint32_t lane = 0; lane < lanes; lane += width) {
-        const uint32_t valid = batch.valid >> lane & chunk_bits;
-        if (!valid) continue;
-        const Chunk chunk = load_chunk(batch, lane);
+        TriangleLanes triangles;
+        triangles.valid[0] = work.batch.valid >> lane & chunk_bits;
+        triangles.valid[1] = both ? work.behind.valid >> lane & chunk_bits : 0;
+        if (!(triangles.valid[0] | triangles.valid[1])) continue;
+        const Chunk chunk = load_chunk(work.batch, lane);
         const Vec3 middle = to_local(chunk, constant(cluster.centre[0]), constant(cluster.centre[1]),
                                      constant(cluster.centre[2]));
         const V distance = hn::Sqrt(dot(middle.x, middle.y, middle.z, middle.x, middle.y, middle.z));
         const V margin = hn::Add(constant(cluster.clearance),
                                  hn::Mul(constant(1e-6f), hn::Add(distance, constant(cluster.radius))));
-        const V opposite = hn::Sub(hn::Zero(df), margin);
-        const V touch = cluster.full ? margin : constant(-1.0f); // none: coarse surfaces lie off
-        const Horizon towards = horizon_towards(horizon, middle.x, middle.y);
-        const V farthest = constant(cluster.farthest * cluster.farthest),
-                nearest = constant(cluster.nearest * cluster.nearest);
-
-        // Facing first, from the planes alone: it spares half of the corners their transformation.
-        uint32_t front[cluster_triangles], back[cluster_triangles];
-        uint64_t corners = 0, seen = look.faces_all | look.faces_none;
-        const auto corners_of = [&](uint32_t t) HWY_ATTR {
-            const uint8_t* triangle = cluster.triangles + 8 * t;
-            return 1ull << triangle[0] | 1ull << triangle[1] | 1ull << triangle[2];
-        };
-        for (uint64_t left = seen; left; left &= left - 1) {
-            const uint32_t t = static_cast<uint32_t>(__builtin_ctzll(left));
-            const bool faces = look.faces_all >> t & 1;
-            front[t] = faces ? valid : 0;
-            back[t] = faces ? 0 : valid;
-            corners |= corners_of(t);
-        }
-        for (uint64_t left = look.visible & ~seen; left; left &= left - 1) {
-            const uint32_t t = static_cast<uint32_t>(__builtin_ctzll(left));
-            const float* plane = cluster.bounds + t;
-            const V height =
-                hn::Sub(dot(constant(plane[0]), constant(plane[slots]), constant(plane[2 * slots]),
-                            chunk.position[0], chunk.position[1], chunk.position[2]),
-                        constant(plane[3 * slots]));
-            front[t] = bits_of(hn::Gt(height, margin)) & valid;
-            back[t] = cluster.two_sided ? bits_of(hn::Lt(height, opposite)) & valid : 0;
-            const uint8_t* triangle = cluster.triangles + 8 * t;
-            const M touches = hn::Le(hn::Abs(height), touch);
-            if (HWY_UNLIKELY(!hn::AllFalse(df, touches))) {
-                const uint32_t touching =
-                    bits_of(hn::AndNot(at_corner(chunk, cluster, points, triangle), touches)) & valid;
-                if (touching)
-                    touching_jobs(batch, cluster, points, t, touching << lane, layout, horizon, jobs,
-                                  counters);
-            }
-            const bool any = (front[t] | back[t]) != 0;
-            corners |= any ? corners_of(t) : 0;
-            seen |= uint64_t(any) << t;
-        }
-        // What a triangle needs to know of its corners is the OR of theirs: one bit a lane, 16 bits a
-        // question.
-        for (uint64_t left = corners; left; left &= left - 1) {
-            const uint32_t v = static_cast<uint32_t>(__builtin_ctzll(left));
-            const float* p = points + 4 * size_t(cluster.vertices[v]);
-            const Vec3 local = to_local(chunk, constant(p[0]), constant(p[1]), constant(p[2]));
-            hn::Store(local.x, df, scratch.local[v][0]);
-            hn::Store(local.y, df, scratch.local[v][1]);
-            hn::Store(local.z, df, scratch.local[v][2]);
-            const V square = dot(local.x, local.y, local.z, local.x, local.y, local.z);
-            const V zero = hn::Zero(df);
-            const uint64_t above = bits_of(hn::Gt(local.z, zero));
-            const uint64_t over = bits_of(hn::Gt(over_horizon(towards, local), zero));
-            const uint64_t near = bits_of(hn::Lt(square, farthest)), far = bits_of(hn::Ge(square, nearest));
-            scratch.reach[v] = above | over << 16 | near << 32 | far << 48;
-            scratch.halves[v] = bits_of(hn::Lt(local.y, zero)) | bits_of(hn::Gt(local.y, zero)) << 16;
-        }
-        uint64_t edges[2] = {0, 0}, drawn = 0;
-        for (uint64_t left = seen; left; left &= left - 1) {
+        face_triangles(work, look, chunk, lane, margin, triangles);
+        place_corners<both>(work, chunk, horizon_towards(work.horizon, middle.x, middle.y),
+                            triangles.corners);
+        find_visible<both>(work, look.large, triangles);
+        find_planes<map, both>(work, lane, triangles);
+        const U destination = destinations(work.layout, lane);
+        const U destination_behind = hn::Add(destination, hn::Set(du, lanes * mask_bytes(work.layout)));
+        const ClusterScratch& scratch = work.scratch;
+        for (uint64_t left = triangles.drawn; left; left &= left - 1) {
             const uint32_t t = static_cast<uint32_t>(__builtin_ctzll(left));
             const uint8_t* triangle = cluster.triangles + 8 * t;
-            const uint64_t c0 = scratch.reach[triangle[0]], c1 = scratch.reach[triangle[1]],
-                           c2 = scratch.reach[triangle[2]], any = c0 | c1 | c2;
-            const uint64_t far = cluster.two_sided ? (c0 & c1) | (c1 & c2) | (c2 & c0) : any;
-            const uint32_t near = HWY_UNLIKELY(look.large >> t & 1)
-                                      ? nearer_than(triangle_reach(cluster, t), scratch, triangle)
-                                      : static_cast<uint32_t>(any >> 32);
-            const uint32_t reaches = static_cast<uint32_t>(any & any >> 16 & far >> 48) & near;
-            front[t] &= reaches;
-            back[t] &= reaches;
-            if (!(front[t] | back[t])) continue;
-            drawn |= 1ull << t;
-            for (uint32_t k = 3; k < 6; ++k)
-                edges[triangle[k] >> 6] |= 1ull << (triangle[k] & 63);
-        }
-        for (uint32_t word = 0; word < 2; ++word) {
-            for (uint64_t left = edges[word]; left; left &= left - 1) {
-                const uint32_t e = word * 64 + static_cast<uint32_t>(__builtin_ctzll(left));
-                const auto& a = scratch.local[cluster.edges[2 * e]];
-                const auto& b = scratch.local[cluster.edges[2 * e + 1]];
-                const Vec3 from{hn::Load(df, a[0]), hn::Load(df, a[1]), hn::Load(df, a[2])};
-                const Vec3 to{hn::Load(df, b[0]), hn::Load(df, b[1]), hn::Load(df, b[2])};
-                hn::Store(plane_entry<map>(layout, cross(from, to)), du, scratch.entry[e]);
-            }
-        }
-        const uint32_t complement = entry_complement(layout);
-        const U destination = destinations(layout, lane);
-        for (uint64_t left = drawn; left; left &= left - 1) {
-            const uint32_t t = static_cast<uint32_t>(__builtin_ctzll(left));
-            const uint8_t* triangle = cluster.triangles + 8 * t;
-            U entry[3];
-            for (uint32_t k = 0; k < 3; ++k) {
-                const U flip = hn::Set(du, triangle[6] >> k & 1 ? complement : 0);
-                entry[k] = hn::Xor(hn::Load(du, scratch.entry[triangle[3 + k]]), flip);
-            }
-            if (back[t]) {
-                const U turned =
-                    hn::IfThenElseZero(hn::RebindMask(du, mask_of(back[t])), hn::Set(du, complement));
-                for (U& e : entry)
-                    e = hn::Xor(e, turned);
-            }
-            const uint32_t active = (front[t] | back[t]) & bits_of(valid_entries(entry));
-            counters.triangles_rasterized += static_cast<uint32_t>(__builtin_popcount(active));
             const uint32_t halves =
                 scratch.halves[triangle[0]] | scratch.halves[triangle[1]] | scratch.halves[triangle[2]];
-            add_jobs(layout, entry, destination, active & halves, active & halves >> 16, jobs);
+            if (!both || triangles.visible[0][t])
+                add_triangle(work, t, scratch.entry, triangles.visible[0][t],
+                             triangles.back[t] & triangles.visible[0][t], destination, halves, halves >> 16);
+            if (both && triangles.visible[1][t])
+                add_triangle(work, t, scratch.entry_behind, triangles.visible[1][t],
+                             triangles.back[t] & triangles.visible[1][t], destination_behind, halves >> 16,
+                             halves);
         }
     }
 }
@@ -646,12 +761,19 @@ void cluster_jobs_of(const Batch& batch, const ClusterView& cluster, const float
 void cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* points,
                   const MaskLayout& layout, float horizon, ClusterScratch& scratch, JobList& jobs,
                   Counters& counters) {
+    const ClusterWork work{batch, batch, cluster, points, layout, horizon, scratch, jobs, counters};
     if (layout.planes == PlaneMap::octahedral) {
-        cluster_jobs_of<PlaneMap::octahedral>(batch, cluster, points, layout, horizon, scratch, jobs,
-                                              counters);
+        cluster_jobs_of<PlaneMap::octahedral, false>(work);
     } else {
-        cluster_jobs_of<PlaneMap::cube>(batch, cluster, points, layout, horizon, scratch, jobs, counters);
+        cluster_jobs_of<PlaneMap::cube, false>(work);
     }
+}
+
+void both_sides_jobs(const Batch& batch, const Batch& behind, const ClusterView& cluster, const float* points,
+                     const MaskLayout& layout, float horizon, ClusterScratch& scratch, JobList& jobs,
+                     Counters& counters) {
+    cluster_jobs_of<PlaneMap::octahedral, true>(
+        {batch, behind, cluster, points, layout, horizon, scratch, jobs, counters});
 }
 
 HWY_INLINE void free_jobs(const MaskLayout& layout, const Vec3 corner[3], const Vec3 normal[3], M behind,
@@ -950,9 +1072,10 @@ constexpr const char* set_name() {
 
 } // namespace
 
-const Kernels table = {set_name(), prepare_batch, select_clusters, cluster_jobs,    triangle_jobs,
-                       fan_jobs,   select_along,  triangles_along, count_crossings, run_jobs,
-                       integrate,  rotate,        downsample,      shade,           evaluate_sh};
+const Kernels table = {set_name(),      prepare_batch,   select_clusters, cluster_jobs,
+                       both_sides_jobs, triangle_jobs,   fan_jobs,        select_along,
+                       triangles_along, count_crossings, run_jobs,        integrate,
+                       rotate,          downsample,      shade,           evaluate_sh};
 
 } // namespace HWY_NAMESPACE
 } // namespace nusselt::kernels

@@ -160,6 +160,60 @@ void finish_batch(const Frame& frame, const MeshSlice& slice, const Batch& batch
     if (far) multiply_far(frame, worker);
 }
 
+// What a batch's receivers hide from themselves, into worker.masks. Receivers inside closed parts are dark,
+// and leave the batch; returns them.
+uint32_t begin_batch(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
+                     Batch& batch, Worker& worker, StageClock& clock) {
+    const size_t mask_size = mask_bytes(frame.tables->layout);
+    worker.tally.receivers_computed += count;
+    worker.tally.receivers_invalid += count - static_cast<uint32_t>(std::popcount(batch.valid));
+    JobList jobs = job_list(worker);
+    std::memset(worker.masks.data(), 0, lanes * mask_size * std::max(frame.shells.count, 1u));
+    uint32_t folded = 0;
+    if (slice.in.receive_only) {
+        // Not even of itself.
+    } else if (frame.quality.paper) {
+        shadow_rings(frame, slice, receivers, batch, worker, jobs);
+    } else {
+        folded = shadow_fans(frame, slice, receivers, batch, worker, jobs);
+    }
+    clock.lap(transform_stage);
+    frame.kernels->run_jobs(*frame.tables, jobs, worker.masks.data());
+    clock.lap(raster_stage);
+
+    const uint32_t full = folded ? fill_fans(frame, slice, receivers, batch, folded, worker) : 0;
+    const uint32_t inside = find_inside(frame, batch, full, worker);
+    for (uint32_t lane = 0; lane < lanes; ++lane) {
+        if (inside >> lane & 1) std::memset(worker.masks.data() + lane * mask_size, 0xFF, mask_size);
+    }
+    batch.valid &= ~inside;
+    worker.tally.receivers_inside += static_cast<uint32_t>(std::popcount(inside));
+    clock.lap(cull_stage);
+    return inside;
+}
+
+uint32_t select_for(const Frame& frame, const ReceiverBounds& bounds, const uint32_t* candidates,
+                    uint32_t candidate_count, Worker& worker) {
+    const uint32_t selected = frame.kernels->select_clusters(
+        bounds, frame.cluster_bounds, candidates, candidate_count, frame.tables->horizon,
+        worker.selected.data(), &worker.tally.clusters_tested);
+    worker.tally.clusters_rasterized += selected;
+    return selected;
+}
+
+// From masks to results.
+void end_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count, Batch& batch,
+               uint32_t inside, uint32_t selected, Worker& worker, StageClock& clock) {
+    if (frame.watertight) cover_last_samples(frame, slice, receivers, batch, selected, worker);
+    clock.lap(raster_stage);
+    finish_batch(frame, slice, batch, worker, clock);
+    batch.valid |= inside; // their streams have normals
+    store_batch(frame, slice, receivers, count, worker);
+    store_outputs(frame, slice, receivers, count, batch, worker);
+    if (frame.has_history) keep_batch(frame, slice, receivers, count, worker);
+    clock.lap(rotate_stage);
+}
+
 } // namespace
 
 bool repeats(const FrameMesh& mesh, uint32_t duplicate, uint32_t original) {
@@ -219,38 +273,11 @@ void shadow_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receiver
                   StageClock& clock) {
     const Kernels& k = *frame.kernels;
     const Tables& tables = *frame.tables;
-    Counters& counters = worker.tally.counters;
-    worker.tally.receivers_computed += count;
-    worker.tally.receivers_invalid += count - static_cast<uint32_t>(std::popcount(batch.valid));
-    JobList jobs = job_list(worker);
-    const size_t mask_size = mask_bytes(tables.layout);
     const uint32_t shells = frame.shells.count;
-    std::memset(worker.masks.data(), 0, lanes * mask_size * std::max(shells, 1u));
-    uint32_t folded = 0;
-    if (slice.in.receive_only) {
-        // Not even of itself.
-    } else if (frame.quality.paper) {
-        shadow_rings(frame, slice, receivers, batch, worker, jobs);
-    } else {
-        folded = shadow_fans(frame, slice, receivers, batch, worker, jobs);
-    }
-    clock.lap(transform_stage);
-    k.run_jobs(tables, jobs, worker.masks.data());
-    clock.lap(raster_stage);
-
-    const uint32_t full = folded ? fill_fans(frame, slice, receivers, batch, folded, worker) : 0;
-    const uint32_t inside = find_inside(frame, batch, full, worker);
-    for (uint32_t lane = 0; lane < lanes; ++lane) {
-        if (inside >> lane & 1) std::memset(worker.masks.data() + lane * mask_size, 0xFF, mask_size);
-    }
-    batch.valid &= ~inside;
-    worker.tally.receivers_inside += static_cast<uint32_t>(std::popcount(inside));
-    uint32_t selected = 0;
-    if (batch.valid) {
-        selected = k.select_clusters(batch.bounds, frame.cluster_bounds, candidates, candidate_count,
-                                     tables.horizon, worker.selected.data(), &worker.tally.clusters_tested);
-    }
-    worker.tally.clusters_rasterized += selected;
+    JobList jobs = job_list(worker);
+    const uint32_t inside = begin_batch(frame, slice, receivers, count, batch, worker, clock);
+    const uint32_t selected =
+        batch.valid ? select_for(frame, batch.bounds, candidates, candidate_count, worker) : 0;
     clock.lap(cull_stage);
 
     if (frame.quality.paper) mark_vicinity(slice, receivers, batch, true, worker);
@@ -263,7 +290,7 @@ void shadow_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receiver
             shadow_sheet(frame, c, batch, worker, jobs);
         } else {
             k.cluster_jobs(batch, frame.views[c], frame.points.data() + 4 * size_t(blocker.first_point),
-                           tables.layout, tables.horizon, worker.scratch[0], jobs, counters);
+                           tables.layout, tables.horizon, worker.scratch[0], jobs, worker.tally.counters);
         }
         if (jobs.count < job_flush && i + 1 < selected && !frame.record) continue;
         clock.lap(transform_stage);
@@ -273,14 +300,60 @@ void shadow_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receiver
     }
     if (frame.quality.paper) mark_vicinity(slice, receivers, batch, false, worker);
     k.run_jobs(tables, jobs, worker.masks.data());
-    if (frame.watertight) cover_last_samples(frame, slice, receivers, batch, selected, worker);
-    clock.lap(raster_stage);
-    finish_batch(frame, slice, batch, worker, clock);
-    batch.valid |= inside; // their streams have normals
-    store_batch(frame, slice, receivers, count, worker);
-    store_outputs(frame, slice, receivers, count, batch, worker);
-    if (frame.has_history) keep_batch(frame, slice, receivers, count, worker);
-    clock.lap(rotate_stage);
+    end_batch(frame, slice, receivers, count, batch, inside, selected, worker, clock);
+}
+
+bool is_mirrored(const Batch& front, const Batch& behind) {
+    if (front.valid != behind.valid) return false;
+    for (uint32_t lane = 0; lane < lanes; ++lane) {
+        if (!(front.valid >> lane & 1)) continue;
+        for (uint32_t k = 0; k < 3; ++k) {
+            if (front.axis[0][k][lane] != behind.axis[0][k][lane] ||
+                front.axis[1][k][lane] != -behind.axis[1][k][lane] ||
+                front.axis[2][k][lane] != -behind.axis[2][k][lane])
+                return false;
+        }
+    }
+    return true;
+}
+
+void shadow_both(Frame& frame, const MeshSlice* const slices[2], const uint32_t* receivers, uint32_t count,
+                 Batch* const batches[2], const uint32_t* candidates, uint32_t candidate_count,
+                 Worker& worker, StageClock& clock) {
+    const Kernels& k = *frame.kernels;
+    const Tables& tables = *frame.tables;
+    const size_t bytes = size_t(lanes) * mask_bytes(tables.layout);
+    uint8_t* const masks = worker.masks.data();
+    uint32_t inside[2];
+    for (uint32_t side = 2; side-- > 0;) {
+        inside[side] = begin_batch(frame, *slices[side], receivers, count, *batches[side], worker, clock);
+        if (side == 1) std::memcpy(masks + bytes, masks, bytes);
+    }
+    ReceiverBounds bounds = batches[0]->bounds;
+    bounds.cone_cos = -1; // next to nothing lies below all horizons of both sides
+    const uint32_t selected = batches[0]->valid | batches[1]->valid
+                                  ? select_for(frame, bounds, candidates, candidate_count, worker)
+                                  : 0;
+    clock.lap(cull_stage);
+    JobList jobs = job_list(worker);
+    for (uint32_t i = 0; i < selected; ++i) {
+        const uint32_t c = worker.selected[i];
+        const MeshSlice& blocker = frame.meshes[frame.cluster_mesh[c]];
+        k.both_sides_jobs(*batches[0], *batches[1], frame.views[c],
+                          frame.points.data() + 4 * size_t(blocker.first_point), tables.layout,
+                          tables.horizon, worker.scratch[0], jobs, worker.tally.counters);
+        if (jobs.count < job_flush) continue;
+        clock.lap(transform_stage);
+        k.run_jobs(tables, jobs, masks);
+        clock.lap(raster_stage);
+    }
+    clock.lap(transform_stage);
+    k.run_jobs(tables, jobs, masks);
+    for (uint32_t side = 0; side < 2; ++side) {
+        if (side == 1) std::memcpy(masks, masks + bytes, bytes);
+        end_batch(frame, *slices[side], receivers, count, *batches[side], inside[side], selected, worker,
+                  clock);
+    }
 }
 
 void open_batch(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,

@@ -51,6 +51,14 @@ void shadow_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receiver
                   kernels::Batch& batch, const uint32_t* candidates, uint32_t candidate_count, Worker& worker,
                   StageClock& clock);
 
+// The same for both sides of a mesh (slices[1] is the other's back), whose masks are drawn together.
+void shadow_both(Frame& frame, const MeshSlice* const slices[2], const uint32_t* receivers, uint32_t count,
+                 kernels::Batch* const batches[2], const uint32_t* candidates, uint32_t candidate_count,
+                 Worker& worker, StageClock& clock);
+
+// Whether `behind` mirrors the tangent frames of `front`, as kernels::BothSidesJobs asks for.
+bool is_mirrored(const kernels::Batch& front, const kernels::Batch& behind);
+
 // The same as if nothing blocked them.
 void open_batch(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
                 const kernels::Batch& batch, Worker& worker, StageClock& clock);

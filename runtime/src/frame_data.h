@@ -53,6 +53,7 @@ struct MeshSlice {
     bool looks_far = false;   // far objects are multiplied into its results, not drawn into its masks (far.h)
     bool masks_alone = false; // all results are made from masks: no transfer vectors of white surfaces
     uint32_t body = 0;        // its own number, or that of the slice whose back it is
+    uint32_t back = 0;        // number of its back's slice; 0: none
 };
 
 inline bool receives(const FrameMesh& mesh) {
@@ -173,6 +174,7 @@ struct Worker {
     // What far objects leave of a region's transfer vectors; null: all.
     const float (*far_matrix)[25] = nullptr;
     kernels::Batch batches[region_batches] = {};
+    kernels::Batch behind[region_batches] = {}; // the same receivers' backs
     kernels::Rays rays = {};
     alignas(64) float normal[3][kernels::lanes] = {};
     alignas(64) float local[25][kernels::lanes] = {};
@@ -229,6 +231,7 @@ struct Frame {
     QualitySettings quality{};
     uint32_t order = 5; // bands of the transfer vectors
     bool watertight = false;
+    bool both_at_once = false;    // blockers are drawn once for both sides of a mesh, where both are wanted
     Clusters no_clusters;         // of meshes that only receive
     Vector<MeshSlice> meshes;     // the caller's, and after them the backs of those that have one
     uint32_t mesh_count = 0;      // the caller's

@@ -28,6 +28,8 @@ void lay_out(Frame& frame) {
     frame.region_count = 0;
     frame.region_size = region_size(frame);
     frame.proxies = needs_proxies(frame);
+    frame.both_at_once = frame.meshes.size() > frame.mesh_count && !frame.quality.paper && !frame.proxies &&
+                         !frame.has_history && frame.shells.count == 0 && !frame.visible && !frame.record;
     const auto regions = [&](uint32_t receivers) {
         return (receivers + frame.region_size - 1) / frame.region_size;
     };
@@ -63,8 +65,10 @@ void lay_out(Frame& frame) {
         }
     }
     uint32_t back = frame.mesh_count;
-    for (const MeshSlice& front : bodies(frame)) {
-        if (!receives(front.in.back)) continue;
+    for (uint32_t m = 0; m < frame.mesh_count; ++m) {
+        MeshSlice& front = frame.meshes[m];
+        front.back = receives(front.in.back) ? back : 0;
+        if (front.back == 0) continue;
         MeshSlice& s = frame.meshes[back++];
         s.body = front.body;
         s.clusters = &frame.no_clusters;
@@ -107,13 +111,14 @@ void grow(Frame& frame) {
     }
     frame.level_bands.resize((frame.proxies ? 2 : 1) * frame.meshes.size());
     frame.triangle_bounds.resize(frame.triangle_bounds_count);
-    const size_t job_capacity = job_flush + kernels::jobs_per_cluster + 64;
+    const uint32_t sides = frame.both_at_once ? 2 : 1;
+    const size_t job_capacity = job_flush + sides * kernels::jobs_per_cluster + 64;
     // What a history looks at: clusters as they were and as they are.
     const uint32_t clusters = frame.has_history ? 2 * drawn : frame.cluster_count;
     for (Worker& w : frame.crew->workers) {
         w.scratch.resize(1);
         w.masks.resize(size_t(kernels::lanes) * kernels::mask_bytes(frame.quality.layout) *
-                       std::max(frame.shells.count, 1u));
+                       std::max(frame.shells.count, sides));
         w.jobs.resize(4 * job_capacity);
         if (frame.quality.paper) w.near.resize(frame.point_count, 0);
         w.candidates.resize(clusters + 16);

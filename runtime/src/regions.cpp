@@ -116,13 +116,13 @@ void note_computed(History& h, uint32_t number, const uint8_t* places, uint32_t 
     }
 }
 
-// Into worker.batches. False where none is valid; else the bounds of those that are.
+// False where none is valid; else the bounds of those that are.
 bool load_batches(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
-                  Worker& worker, ReceiverBounds& all) {
+                  Worker& worker, Batch* out, ReceiverBounds& all) {
     ReceiverBounds bounds[region_batches];
     uint32_t batches = 0;
     for (uint32_t i = 0; i < count; i += lanes) {
-        Batch& batch = worker.batches[i / lanes];
+        Batch& batch = out[i / lanes];
         load_batch(frame, slice, receivers + i, std::min(count - i, lanes), batch, worker);
         if (batch.valid) bounds[batches++] = batch.bounds;
     }
@@ -130,11 +130,56 @@ bool load_batches(const Frame& frame, const MeshSlice& slice, const uint32_t* re
     return batches > 0;
 }
 
+// Whether a region's receivers are computed together with their backs. Not where parts are closed: their
+// backs are dark.
+bool is_for_both(const Frame& frame, const MeshSlice& front, uint32_t number) {
+    const MeshSlice& back = frame.meshes[front.back];
+    if (!frame.both_at_once || front.back == 0 || !receives(front.in)) return false;
+    if (front.mesh->closed_clusters > 0) return false;
+    if (front.in.needed == back.in.needed) return true;
+    const uint32_t behind = number - front.first_region + back.first_region;
+    const Region a = region_of(frame, number), b = region_of(frame, behind);
+    for (uint32_t i = 0; i < a.count; i += lanes) {
+        if (to_compute(frame, a, number, i / lanes) != to_compute(frame, b, behind, i / lanes)) return false;
+    }
+    return true;
+}
+
+// Both sides of a region's receivers.
+void shadow_sides(Frame& frame, const MeshSlice& front, const uint32_t* receivers, uint32_t count,
+                  Worker& worker, StageClock& clock) {
+    const MeshSlice& back = frame.meshes[front.back];
+    const MeshSlice* const slices[2] = {&front, &back};
+    ReceiverBounds all, ignored;
+    uint32_t candidates = 0;
+    load_batches(frame, back, receivers, count, worker, worker.behind, ignored);
+    if (load_batches(frame, front, receivers, count, worker, worker.batches, all)) {
+        all.cone_cos = -1;
+        candidates = select_candidates(frame, front, all, all, worker);
+    }
+    clock.lap(cull_stage);
+    for (uint32_t i = 0; i < count; i += lanes) {
+        Batch* const batches[2] = {&worker.batches[i / lanes], &worker.behind[i / lanes]};
+        const uint32_t in_batch = std::min(count - i, lanes);
+        if (is_mirrored(*batches[0], *batches[1])) {
+            shadow_both(frame, slices, receivers + i, in_batch, batches, worker.candidates.data(), candidates,
+                        worker, clock);
+            continue;
+        }
+        for (uint32_t side = 0; side < 2; ++side)
+            shadow_batch(frame, *slices[side], receivers + i, in_batch, *batches[side],
+                         worker.candidates.data(), candidates, worker, clock);
+    }
+}
+
 // `batches`: one bit a batch of the region. `first`: computes something whatever the time.
 void shadow_region(Frame& frame, uint32_t number, uint32_t batches_wanted, bool first, Worker& worker) {
     if (!first && is_out_of_time(frame)) return;
     const Region region = region_of(frame, number);
     const MeshSlice& slice = region.slice;
+    const MeshSlice& front = frame.meshes[slice.body];
+    const bool both = is_for_both(frame, front, number - slice.first_region + front.first_region);
+    if (both && slice.is_back) return; // with its front
     StageClock clock(worker.tally);
     Packed packed;
     for (uint32_t b = 0; b * lanes < region.count; ++b) {
@@ -144,16 +189,17 @@ void shadow_region(Frame& frame, uint32_t number, uint32_t batches_wanted, bool 
     if (count == 0) return;
 
     const uint32_t* const receivers = packed.vertex;
+    worker.far_count = 0;
+    worker.far_matrix = nullptr;
+    if (both) return shadow_sides(frame, slice, receivers, count, worker, clock);
     const auto in_batch = [&](uint32_t i) { return std::min(count - i, lanes); };
     // Of all of the region's receivers: how objects are seen must not depend on who is computed in this
     // frame.
     ReceiverBounds home, all;
     const bool part = frame.proxies && count < region.count;
-    if (part) load_batches(frame, slice, region.vertices, region.count, worker, home);
-    worker.far_count = 0;
-    worker.far_matrix = nullptr;
+    if (part) load_batches(frame, slice, region.vertices, region.count, worker, worker.batches, home);
     uint32_t candidates = 0;
-    if (load_batches(frame, slice, receivers, count, worker, all)) {
+    if (load_batches(frame, slice, receivers, count, worker, worker.batches, all)) {
         candidates = select_candidates(frame, slice, all, part ? home : all, worker);
         if (slice.looks_far) look_far(frame, slice, part ? home : all, worker);
     }

@@ -298,6 +298,53 @@ TEST_F(Sets, ClusterJobs) {
     }
 }
 
+// The receivers that look the other way, where their tangent frames are mirror images.
+BatchInput turned_over(const Kernels& reference, BatchInput& front) {
+    BatchInput behind = front;
+    for (auto& axis : behind.normal)
+        for (float& n : axis)
+            n = -n;
+    reference.prepare_batch(behind.batch, behind.normal);
+    uint32_t mirrored = 0;
+    for (uint32_t lane = 0; lane < lanes; ++lane)
+        mirrored |= uint32_t(front.batch.axis[1][0][lane] == -behind.batch.axis[1][0][lane] &&
+                             front.batch.axis[1][1][lane] == -behind.batch.axis[1][1][lane])
+                    << lane;
+    front.batch.valid &= mirrored;
+    behind.batch.valid &= mirrored;
+    return behind;
+}
+
+TEST_F(Sets, BothSidesJobs) {
+    for (const NamedLayout& l : layouts) {
+        if (l.layout.planes != PlaneMap::octahedral) continue;
+        const float horizon = horizon_tangent(l.layout);
+        uint64_t total = 0;
+        for (uint64_t seed = 0; seed < 4000; ++seed) {
+            Random random(seed);
+            const bool hostile = seed % 2;
+            BatchInput input = prepared(*reference, random, hostile);
+            BatchInput behind = turned_over(*reference, input);
+            if (random.one_in(4)) behind.batch.valid &= random.below(0x10000);
+            if (random.one_in(8)) input.batch.valid = 0;
+            ClusterInput cluster;
+            random_cluster(random, input.batch, hostile, cluster);
+            Jobs a(2 * jobs_per_cluster), b(2 * jobs_per_cluster);
+            Counters counters_a{}, counters_b{};
+            auto scratch = aligned_array<ClusterScratch>(1);
+            reference->both_sides_jobs(input.batch, behind.batch, cluster.view, cluster.points.get(),
+                                       l.layout, horizon, scratch[0], a.list, counters_a);
+            std::memset(static_cast<void*>(scratch.get()), 0xFF, sizeof(ClusterScratch));
+            k->both_sides_jobs(input.batch, behind.batch, cluster.view, cluster.points.get(), l.layout,
+                               horizon, scratch[0], b.list, counters_b);
+            ASSERT_EQ(a.sorted(), b.sorted()) << l.name << " seed " << seed;
+            ASSERT_TRUE(same_counters(counters_a, counters_b)) << l.name << " seed " << seed;
+            total += a.list.count;
+        }
+        EXPECT_GT(total, 100000u) << l.name;
+    }
+}
+
 TEST_F(Sets, TriangleJobs) {
     for (const NamedLayout& l : layouts) {
         uint64_t total = 0;

@@ -65,6 +65,23 @@ TEST(Back, AsAloneWithTurnedNormals) {
         expect_as_alone(engine.context, meshes, quality);
 }
 
+// Blockers are looked at once for both sides, but for receivers whose sides differ in who needs them.
+TEST(Back, OnePassOverTheBlockers) {
+    Engine engine;
+    const scenes::Scene scene = scenes::builtin("cloth");
+    std::vector<Posed> one = posed(scene, add_all(engine.context, scene), 0.6 * scene.duration);
+    one.resize(1); // the sheet
+    const auto looks = [](const Outputs& out) { return double(out.stats.clusters_rasterized); };
+    const double front = looks(run_frame(engine.context, one)),
+                 behind = looks(run_frame(engine.context, turned_over(one)));
+    std::vector<Posed> both = from_both_sides(one);
+    const double together = looks(run_frame(engine.context, both));
+    EXPECT_GT(together, 0.5 * (front + behind));
+    EXPECT_LT(together, 0.6 * (front + behind));
+    both[0].back_needed.assign((one[0].positions.size() + 31) / 32, 0x7FFFFFFF);
+    EXPECT_GT(looks(run_frame(engine.context, both)), 0.9 * (front + behind));
+}
+
 // Two half-planes that meet at right angles along z, with receivers in the crease, which look along the
 // bisector. Inside, each half hides what lies below 45 degrees on its side: (1 - cos 45) / 2 each. Outside,
 // nothing is hidden.
