@@ -4,6 +4,7 @@
 #include "kernels/prepare.h"
 #include "refit.h"
 #include "regions.h"
+#include "weld.h"
 
 #include <algorithm>
 #include <bit>
@@ -42,7 +43,9 @@ bool is_touched(const Frame& frame, const MeshSlice& slice, uint32_t cluster) {
     if (frame.quality.paper) return false;
     const LevelSamples& samples = slice.mesh->samples;
     const size_t begin = samples.cluster_begin[cluster], end = samples.cluster_begin[cluster + 1];
-    return any(samples.vertex, begin, end) || any(samples.corner, 3 * begin, 3 * end);
+    if (any(samples.vertex, begin, end) || any(samples.corner, 3 * begin, 3 * end)) return true;
+    const uint32_t beside = samples.bridges[cluster].vertex; // the bridge's corners are the cluster's
+    return beside != none && moved[beside] > 0;
 }
 
 void copy_bounds(const Frame& frame, uint32_t c, ClusterBoundsArrays& to, uint32_t at) {

@@ -25,7 +25,7 @@ struct ClusterBoundsArrays {
 // Of a cluster's samples: the sum of their squared distances, and the largest distance, that of the finer
 // clusters under it included.
 struct LevelError {
-    float squares, most;
+    float squares, most, bridge;
 };
 
 // What a history belongs to: where a frame differs, it begins anew.

@@ -1,5 +1,6 @@
 #include "levels.h"
 
+#include "bridges.h"
 #include "clusters.h"
 #include "covers.h"
 #include "receivers.h"
@@ -110,8 +111,8 @@ struct Builder {
     Builder(const Allocator& a, uint32_t welded)
         : numbers(a), positions(HostAllocator<Vec3f>(a)), two_sided(HostAllocator<uint8_t>(a)), side(numbers),
           side_source(numbers), clustered(numbers), local_of(welded, none, numbers),
-          coarse_triangles(numbers), coarse_two_sided(HostAllocator<uint8_t>(a)), simplifier(a, welded),
-          partitioner(a), writer(a) {}
+          coarse_triangles(numbers), coarse_two_sided(HostAllocator<uint8_t>(a)), before(a),
+          simplifier(a, welded), partitioner(a), writer(a) {}
 
     HostAllocator<uint32_t> numbers;
     Vector<Vec3f> positions;            // welded
@@ -121,6 +122,7 @@ struct Builder {
     Vector<uint32_t> local_of;          // by welded vertex
     Vector<uint32_t> coarse_triangles;  // what the coarse mesh is made from
     Vector<uint8_t> coarse_two_sided;
+    SurfaceTree before; // the level before the current one
     uint32_t coarse_target = 0;
     double last_cost = 0;  // of the current level's dearest collapse; 0: the full mesh
     Simplifier simplifier; // its triangles are the current level's
@@ -217,61 +219,47 @@ bool coarsen(Builder& b, uint32_t target, bool measure) {
     return after > 0 && double(after) < worth_keeping * double(before);
 }
 
-// The barycentric weights of the point of triangle (a, b, c) that lies nearest to p (Ericson, Real-Time
-// Collision Detection, 5.1.5).
-Vec3d nearest_weights(Vec3d p, Vec3d a, Vec3d b, Vec3d c) {
-    const Vec3d ab = b - a, ac = c - a, ap = p - a;
-    const double d1 = dot(ab, ap), d2 = dot(ac, ap);
-    if (d1 <= 0 && d2 <= 0) return {1, 0, 0};
-    const Vec3d bp = p - b;
-    const double d3 = dot(ab, bp), d4 = dot(ac, bp);
-    if (d3 >= 0 && d4 <= d3) return {0, 1, 0};
-    const double vc = d1 * d4 - d3 * d2;
-    if (vc <= 0 && d1 >= 0 && d3 <= 0) return {1 - d1 / (d1 - d3), d1 / (d1 - d3), 0};
-    const Vec3d cp = p - c;
-    const double d5 = dot(ab, cp), d6 = dot(ac, cp);
-    if (d6 >= 0 && d5 <= d6) return {0, 0, 1};
-    const double vb = d5 * d2 - d1 * d6;
-    if (vb <= 0 && d2 >= 0 && d6 <= 0) return {1 - d2 / (d2 - d6), 0, d2 / (d2 - d6)};
-    const double va = d3 * d6 - d5 * d4;
-    if (va <= 0 && d4 >= d3 && d5 >= d6) {
-        const double w = (d4 - d3) / (d4 - d3 + d5 - d6);
-        return {0, 1 - w, w};
+// Samples of one triangle of the current level. Returns the square of the largest distance.
+double add_samples_of(const Builder& b, uint32_t triangle, LevelSamples& samples) {
+    const Simplifier& s = b.simplifier;
+    const auto at = [&](uint32_t w) { return to_double(b.positions[w]); };
+    const uint32_t* corner = s.triangles.data() + 3 * size_t(triangle);
+    const Vec3d normal = cross(at(corner[1]) - at(corner[0]), at(corner[2]) - at(corner[0]));
+    double most = 0;
+    for (uint32_t p = s.points[triangle]; p != none; p = s.point_next[p]) {
+        const Vec3f weight = to_float(nearest_weights(at(p), at(corner[0]), at(corner[1]), at(corner[2])));
+        samples.vertex.push_back(p);
+        samples.corner.insert(samples.corner.end(), corner, corner + 3);
+        samples.weight.insert(samples.weight.end(), {weight.x, weight.y, weight.z});
+        const Vec3d nearest = at(corner[0]) * double(weight.x) + at(corner[1]) * double(weight.y) +
+                              at(corner[2]) * double(weight.z);
+        const Vec3d away = at(p) - nearest;
+        const double square = dot(away, away), across = dot(away, normal);
+        const double along =
+            square * dot(normal, normal) > 0 ? 1 - across * across / (square * dot(normal, normal)) : 0.0;
+        samples.tangential.push_back(static_cast<float>(std::clamp(along, 0.0, 1.0)));
+        most = std::max(most, square);
     }
-    const double sum = va + vb + vc;
-    if (!(sum > 0)) return {1, 0, 0};
-    return {va / sum, vb / sum, vc / sum};
+    return most;
 }
 
-// Samples of the current level at the vertices that the one before it has and it lacks, cluster by cluster.
+// Samples of the current level at the vertices that the one before it has and it lacks, and where it bridges
+// that one, cluster by cluster.
 void add_samples(const Builder& b, uint8_t level, const Clusters& clusters, LevelSamples& samples) {
-    const Simplifier& s = b.simplifier;
-    uint32_t cluster = static_cast<uint32_t>(samples.cluster_begin.size());
-    const uint32_t first = clusters.triangle_begin[cluster];
-    for (uint32_t i = 0; i < b.clustered.size(); ++i) {
-        if (cluster < clusters.count() && clusters.triangle_begin[cluster] == first + i) {
-            samples.cluster_begin.push_back(static_cast<uint32_t>(samples.vertex.size()));
-            ++cluster;
+    const uint32_t* numbers = b.clustered.data();
+    for (uint32_t c = static_cast<uint32_t>(samples.bridges.size()); c < clusters.count(); ++c) {
+        const uint32_t count = clusters.triangle_begin[c + 1] - clusters.triangle_begin[c];
+        samples.cluster_begin.push_back(static_cast<uint32_t>(samples.vertex.size()));
+        Bridge bridge{none, {}, {}, 0};
+        if (level > 0) {
+            double most = 0;
+            for (uint32_t i = 0; i < count; ++i)
+                most = std::max(most, add_samples_of(b, numbers[i], samples));
+            bridge = find_bridge(b.before, b.positions.data(), b.simplifier.triangles.data(), numbers, count,
+                                 most);
         }
-        if (level == 0) continue;
-        const uint32_t t = b.clustered[i];
-        const uint32_t* corner = s.triangles.data() + 3 * size_t(t);
-        for (uint32_t p = s.points[t]; p != none; p = s.point_next[p]) {
-            const auto at = [&](uint32_t w) { return to_double(b.positions[w]); };
-            const Vec3f weight =
-                to_float(nearest_weights(at(p), at(corner[0]), at(corner[1]), at(corner[2])));
-            samples.vertex.push_back(p);
-            samples.corner.insert(samples.corner.end(), corner, corner + 3);
-            samples.weight.insert(samples.weight.end(), {weight.x, weight.y, weight.z});
-            const Vec3d nearest = at(corner[0]) * double(weight.x) + at(corner[1]) * double(weight.y) +
-                                  at(corner[2]) * double(weight.z);
-            const Vec3d away = at(p) - nearest;
-            const Vec3d normal = cross(at(corner[1]) - at(corner[0]), at(corner[2]) - at(corner[0]));
-            const double square = dot(away, away), across = dot(away, normal);
-            const double along =
-                square * dot(normal, normal) > 0 ? 1 - across * across / (square * dot(normal, normal)) : 0.0;
-            samples.tangential.push_back(static_cast<float>(std::clamp(along, 0.0, 1.0)));
-        }
+        samples.bridges.push_back(bridge);
+        numbers += count;
     }
 }
 
@@ -298,7 +286,9 @@ void build_levels(Builder& b, const LevelOptions& options, const Topology& topol
             b.coarse_two_sided = b.two_sided;
         }
         const uint32_t target = static_cast<uint32_t>(float(count) * options.level_ratio);
-        if (level + 1 == max_levels || target < options.least_triangles || !coarsen(b, target, true)) break;
+        if (level + 1 == max_levels || target < options.least_triangles) break;
+        build_surface_tree(b.simplifier.triangles, b.positions.data(), b.before);
+        if (!coarsen(b, target, true)) break;
     }
     mesh.samples.cluster_begin.push_back(static_cast<uint32_t>(mesh.samples.vertex.size()));
 }

@@ -52,7 +52,7 @@ void each_array(Mesh& m, const Run& run) {
     each_array_of_clusters(m.clusters, run);
     each_array_of_clusters(m.coarse_clusters, run);
     run(m.samples.begin), run(m.samples.cluster_begin), run(m.samples.vertex), run(m.samples.corner);
-    run(m.samples.weight), run(m.samples.tangential);
+    run(m.samples.weight), run(m.samples.tangential), run(m.samples.bridges);
 }
 
 size_t bytes_of(const MeshData& m) {

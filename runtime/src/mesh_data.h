@@ -53,13 +53,25 @@ struct Clusters {
     uint32_t count() const { return static_cast<uint32_t>(level.size()); }
 };
 
+// A point of one of a cluster's triangles that lies far from the level before it, where the triangle bridges
+// a hollow or a hole (bridges.h).
+struct Bridge {
+    uint32_t vertex;    // welded, of that level, beside the surface's nearest point; `none`: no such point
+    uint32_t corner[3]; // welded: the triangle
+    float weight[3];    // of the corners, summing to 1
+    // Its squared distance from that level is this part of the one from the vertex, in the rest pose and, it
+    // is taken, in all others.
+    float part;
+};
+
 // Samples of the distance between a level and the full mesh: vertices that the level lacks and the level
 // before it has, each with the point of the level's surface that lies nearest in the rest pose.
 struct LevelSamples {
     explicit LevelSamples(const Allocator& a)
         : begin(HostAllocator<uint32_t>(a)), cluster_begin(HostAllocator<uint32_t>(a)),
           vertex(HostAllocator<uint32_t>(a)), corner(HostAllocator<uint32_t>(a)),
-          weight(HostAllocator<float>(a)), tangential(HostAllocator<float>(a)) {}
+          weight(HostAllocator<float>(a)), tangential(HostAllocator<float>(a)),
+          bridges(HostAllocator<Bridge>(a)) {}
 
     Vector<uint32_t> begin;         // one a level plus an end; level 0 has none
     Vector<uint32_t> cluster_begin; // one a cluster plus an end: samples on its triangles
@@ -69,6 +81,7 @@ struct LevelSamples {
     // Of the squared distance in the rest pose, the part along the triangle: 0 for a point over its inside,
     // which may slide along the surface as the mesh bends without lying farther from it; 1 for one beside it.
     Vector<float> tangential;
+    Vector<Bridge> bridges; // one a cluster
 };
 
 inline uint32_t level_count(const LevelSamples& samples) {

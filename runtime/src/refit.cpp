@@ -2,6 +2,7 @@
 
 #include "kernels/prepare.h"
 #include "objects.h"
+#include "weld.h"
 
 #include <algorithm>
 #include <cmath>
@@ -20,6 +21,8 @@ constexpr float clear_of_closed = 1.5f, clear_of_sheet = 3.0f;
 // the whole level is small enough, and where so many times a cluster's own is: flat parts would else vouch
 // for a finger.
 constexpr float error_of_own = 1.2f;
+// The same for how far one of its triangles lies from that level where it bridges a hollow.
+constexpr float error_of_bridge = 1.5f;
 
 // Coordinates are rounded, by 2^-24 of their distance from the frame's origin. So of two surfaces in one
 // plane one lies above the other here and there, by a few times that, and would hide the whole hemisphere:
@@ -172,6 +175,18 @@ float sample_distance(const float* points, const LevelSamples& samples, uint32_t
     return across + samples.tangential[i] * (square - across);
 }
 
+float bridge_distance(const float* points, const Bridge& bridge) {
+    const float* vertex = points + 4 * size_t(bridge.vertex);
+    float square = 0;
+    for (uint32_t k = 0; k < 3; ++k) {
+        float away = vertex[k];
+        for (uint32_t i = 0; i < 3; ++i)
+            away -= bridge.weight[i] * points[4 * size_t(bridge.corner[i]) + k];
+        square += away * away;
+    }
+    return std::sqrt(bridge.part * square);
+}
+
 // How far a cluster of a coarser level lies from the level before it.
 LevelError measure_cluster(const float* points, const LevelSamples& samples, uint32_t cluster) {
     LevelError error{};
@@ -182,6 +197,12 @@ LevelError measure_cluster(const float* points, const LevelSamples& samples, uin
         error.most = std::max(error.most, square);
     }
     error.most = std::sqrt(error.most);
+    const Bridge& bridge = samples.bridges[cluster];
+    if (bridge.vertex == none) return error;
+    const float far = bridge_distance(points, bridge);
+    if (!is_finite(far)) return error;
+    error.bridge = far;
+    error.most = std::max(error.most, far);
     return error;
 }
 
@@ -215,7 +236,8 @@ void distance_bands(const MeshSlice& slice, const LevelError* of_cluster, float 
     for (uint32_t c = 0; c < clusters.count(); ++c) {
         const uint32_t count = std::max(samples.cluster_begin[c + 1] - samples.cluster_begin[c], 1u);
         const float own = error_of_own * std::sqrt(of_cluster[c].squares / float(count));
-        nearest[c] = std::max(error[clusters.level[c]], own) / angle;
+        const float bridge = error_of_bridge * of_cluster[c].bridge;
+        nearest[c] = std::max({error[clusters.level[c]], own, bridge}) / angle;
     }
     // Finer levels come first: no cluster serves nearer than what it covers.
     for (uint32_t c = 0; c < clusters.count(); ++c)

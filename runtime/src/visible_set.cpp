@@ -181,6 +181,8 @@ uint64_t mesh_identity(const MeshData& mesh) {
         const uint32_t kind = uint32_t(c.level[i]) << 1 | c.two_sided[i];
         hash = hash_words(&kind, 1, hash);
     }
+    for (const Bridge& bridge : mesh.samples.bridges)
+        hash = hash_words(&bridge.vertex, 1, hash);
     return hash;
 }
 

@@ -379,6 +379,11 @@ void expect_equal(const MeshData& a, const MeshData& b) {
     EXPECT_EQ(a.samples.vertex, b.samples.vertex);
     EXPECT_EQ(a.samples.corner, b.samples.corner);
     EXPECT_EQ(a.samples.weight, b.samples.weight);
+    ASSERT_EQ(a.samples.bridges.size(), b.samples.bridges.size());
+    for (size_t c = 0; c < a.samples.bridges.size(); ++c) {
+        EXPECT_EQ(a.samples.bridges[c].vertex, b.samples.bridges[c].vertex) << c;
+        EXPECT_EQ(a.samples.bridges[c].part, b.samples.bridges[c].part) << c;
+    }
 }
 
 TEST(Levels, SameInputSameBits) {

@@ -215,6 +215,27 @@ TEST(History, RandomEditsAreInvisible) {
     EXPECT_GT(reused, computed / 4);
 }
 
+// One vertex alone: whatever a level's distances are measured from has to be known as moved.
+TEST(History, OneVertexAtATimeIsInvisible) {
+    scenes::Mesh ring = scenes::torus(0.5f, 0.2f, 60, 30);
+    Random random(20);
+    for (glm::vec3& p : ring.rest_positions)
+        p += 0.02f * random.direction();
+    Engine engine;
+    std::vector<Posed> frame = {at_rest(add(engine.context, ring), ring)};
+    const std::vector<glm::vec3> rest = frame[0].positions;
+    Remembering memory(engine.context, Quality::standard);
+    FrameDesc whole = memory.settings;
+    whole.history = {};
+    uint32_t last = 0;
+    for (uint32_t step = 0; step < cases(200); ++step) {
+        frame[0].positions[last] = rest[last];
+        last = random.below(static_cast<uint32_t>(rest.size()));
+        frame[0].positions[last] += random.between(0.05f, 0.3f) * random.direction();
+        ASSERT_EQ(memory.frame(frame), run_frame(engine.context, frame, whole)) << "step " << step;
+    }
+}
+
 TEST(History, ScenesInMotion) {
     TestExecutor own({"pool", Order::fifo, 2, 3}); // where there is no oneTBB, as for the thread sanitizer
     Executor executor;
