@@ -124,26 +124,6 @@ void finish(ClusterBuilder& builder, bool two_sided) {
     fill_bounds(c, builder.points);
 }
 
-std::vector<ClusterInput> clusters_of(const Soup& soup, uint32_t limit) {
-    std::vector<ClusterInput> out;
-    ClusterBuilder builder;
-    const auto close = [&] {
-        if (builder.out) finish(builder, soup.two_sided);
-        builder = {};
-    };
-    out.reserve(soup.triangles.size());
-    for (const auto& t : soup.triangles) {
-        if (builder.out && !builder.fits(t, limit)) close();
-        if (!builder.out) {
-            out.emplace_back();
-            builder.out = &out.back();
-        }
-        builder.add(soup, t);
-    }
-    close();
-    return out;
-}
-
 // No cone: it is the runtime's, and its tests'. The spheres cull by horizon and by nothing else.
 std::vector<uint32_t> select(const Kernels& set, const Batch& batch,
                              const std::vector<ClusterInput>& clusters, float horizon) {
@@ -184,6 +164,26 @@ Workbench& workbench() {
 }
 
 } // namespace
+
+std::vector<ClusterInput> clusters_of(const Soup& soup, uint32_t limit) {
+    std::vector<ClusterInput> out;
+    ClusterBuilder builder;
+    const auto close = [&] {
+        if (builder.out) finish(builder, soup.two_sided);
+        builder = {};
+    };
+    out.reserve(soup.triangles.size());
+    for (const auto& t : soup.triangles) {
+        if (builder.out && !builder.fits(t, limit)) close();
+        if (!builder.out) {
+            out.emplace_back();
+            builder.out = &out.back();
+        }
+        builder.add(soup, t);
+    }
+    close();
+    return out;
+}
 
 Corners corners_of(const Soup& soup, size_t triangle) {
     const auto& t = soup.triangles[triangle];

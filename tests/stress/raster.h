@@ -26,6 +26,9 @@ struct RasterOptions {
     bool last_samples = false; // decided by the triangles' own planes where a mask is nearly closed
 };
 
+// As runtime/src/clusters.cpp makes them; `limit`: triangles of one.
+std::vector<ClusterInput> clusters_of(const Soup& soup, uint32_t limit);
+
 // The widest instruction set of this machine.
 const kernels::Kernels& widest();
 
