@@ -138,6 +138,8 @@ sanitize() {
     local one_thread='ClosedForm.*:Contact.*:Direct.*:Falloff.*:Gloss.*:Inside.*:Hostile.*:Back.AsAlone*:Back.Streams*'
     one_thread+=':Objects.Proxies*:Objects.FarOnes*:Objects.Needed*:Objects.OneObject*:Memory.FramesAndHistories*'
     one_thread+=':Determinism.EveryIsa:Outputs.Beside*:Outputs.Through*:Frame.ReceiversWithout*'
+    one_thread+=':Budget.NoVertex*:*BadPoses.*:History.RandomEdits*:Memory.AFrameOfMany*:VisibleSet.Changes*'
+    one_thread+=':Watertight.Enclosures*'
     [[ ${#kinds[@]} != 0 ]] || kinds=(address thread memory valgrind)
     third_party/install.sh sanitizers
     for kind in "${kinds[@]}"; do

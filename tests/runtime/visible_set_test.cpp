@@ -274,6 +274,44 @@ TEST(VisibleSet, RefusesWhatIsNone) {
     EXPECT_FALSE(write_visible_set(set.set, bytes.data(), bytes.size()).ok());
 }
 
+// Whole, of these meshes, with the right checksum, and still of no frames that there could have been.
+TEST(VisibleSet, RefusesWhatContradictsItself) {
+    Engine engine;
+    const scenes::Mesh ball = scenes::sphere(2), ring = scenes::torus(0.5f, 0.2f, 12, 8);
+    const std::vector<MeshId> meshes{add(engine.context, ball), add(engine.context, ring)};
+    const auto set_to = [](std::vector<char>& file, size_t at, uint32_t value) {
+        std::memcpy(&file[at], &value, 4);
+        uint64_t sum = 0xCBF29CE484222325u;
+        for (size_t i = 0; i + 8 < file.size(); i += 4) {
+            uint32_t word;
+            std::memcpy(&word, &file[i], 4);
+            sum = (sum ^ word) * 0x100000001B3u;
+        }
+        std::memcpy(&file[file.size() - 8], &sum, 8);
+    };
+    constexpr size_t recorded_at = 32, watertight_at = 36, back_at = 40 + 8, next_mesh = 16;
+    const Set empty(engine.context, meshes, Quality::standard, 1),
+        full(engine.context, meshes, Quality::standard, 1);
+    recorded(engine.context, {at_rest(meshes[0], ball), at_rest(meshes[1], ring)}, full, Quality::standard,
+             0);
+    std::vector<char> file = full.file();
+    set_to(file, recorded_at, 1); // as it is
+    EXPECT_TRUE(Set(engine.context, meshes, file).status.ok());
+    struct Lie {
+        bool recorded;
+        size_t at;
+        uint32_t value;
+    };
+    for (const Lie& lie : {Lie{true, recorded_at, 2}, Lie{true, watertight_at, 2}, Lie{true, back_at, 2},
+                           Lie{true, back_at + next_mesh, 7}, Lie{false, watertight_at, 1},
+                           Lie{false, back_at, 1}, Lie{false, back_at + next_mesh, 1}}) {
+        std::vector<char> bad = lie.recorded ? full.file() : empty.file();
+        set_to(bad, lie.at, lie.value);
+        SCOPED_TRACE(lie.at);
+        expect_refused(engine, meshes, bad, "contradicts itself");
+    }
+}
+
 TEST(VisibleSet, RefusesFramesOfOtherMeshes) {
     Engine engine;
     const scenes::Mesh ball = scenes::sphere(2), ring = scenes::torus(0.5f, 0.2f, 12, 8);

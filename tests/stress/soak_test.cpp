@@ -214,8 +214,13 @@ TEST(Soak, NothingGrowsAndNothingDrifts) {
         figure("soak: resident memory gained per 1,000 frames after warming up",
                grown / std::max(0.001, double(frames - warm) / 1000), "KB");
         figure("soak: processor time of the last tenth against the first", last_ms / first_ms, "times");
-        // Cold contexts in between move the heap a little, once.
-        EXPECT_LE(grown, 512 + double(frames) / 1000);
+        // Cold contexts in between move the heap a little, once; a sanitizer's own records more.
+#if defined(__SANITIZE_THREAD__) || defined(__SANITIZE_ADDRESS__)
+        constexpr double once = 8192;
+#else
+        constexpr double once = 512;
+#endif
+        EXPECT_LE(grown, once + double(frames) / 1000);
         EXPECT_EQ(entries("/proc/self/fd"), files);
         EXPECT_LE(entries("/proc/self/task"), tasks);
         // What else the machine does in an hour shows in that: the same frame here and in a new context, in

@@ -494,6 +494,11 @@ TEST_F(Program, WhatStandsStillIsKept) {
     EXPECT_GT(kept_share(ghost), 30) << ghost.out << ghost.err;
     for (const char* name : {"frame_0000.png", "frame_0001.png", "frame_0002.png"})
         EXPECT_EQ(contents(folder / "anew" / name), contents(folder / "kept" / name)) << name;
+    ASSERT_EQ(run(clip + "anew --receive-only 0 --watertight").code, 0);
+    const Outcome tight = run(clip + "kept --receive-only 0 --watertight --keep");
+    EXPECT_GT(kept_share(tight), 30) << tight.out << tight.err;
+    for (const char* name : {"frame_0000.png", "frame_0001.png", "frame_0002.png"})
+        EXPECT_EQ(contents(folder / "anew" / name), contents(folder / "kept" / name)) << name;
     for (const char* other : {"--shadows off", "--brdf ggx:0.4:1", "--light direct", "--falloff 0.1:1"})
         expect_failure(2, std::string("render slide.gltf --out out --keep ") + other, {"--keep"});
 }
@@ -572,6 +577,16 @@ TEST_F(Program, VisibleSetsOfAClip) {
     expect_failure(1, leaf + "out --pvs leaf.pvs --watertight", {"leaf.gltf", "--watertight"});
     ASSERT_EQ(run("pvs leaf.gltf --out front.pvs --frames 2 --two-sided off").code, 0);
     expect_failure(1, leaf + "out --pvs front.pvs", {"leaf.gltf", "--two-sided off"});
+    // All sides of a model that names none.
+    ASSERT_EQ(run("pvs slide.gltf --out front.pvs --frames 2").code, 0);
+    const std::string all = "transfer slide.gltf --time 0.5 --two-sided all --out ";
+    expect_failure(1, all + "out --pvs front.pvs", {"slide.gltf", "--two-sided off"});
+    ASSERT_NE(run("pvs slide.gltf --out all.pvs --frames 2 --two-sided all").out.find("both sides"),
+              std::string::npos);
+    ASSERT_EQ(run(all + "plain").code, 0);
+    ASSERT_EQ(run(all + "listed --pvs all.pvs").code, 0);
+    for (const char* name : {"transfer.npy", "transfer_back.npy"})
+        EXPECT_EQ(contents(folder / "plain" / name), contents(folder / "listed" / name)) << name;
     ASSERT_EQ(run("pvs leaf.gltf --out tight.pvs --frames 2 --watertight").code, 0);
     ASSERT_EQ(run(leaf + "tight --pvs tight.pvs --watertight").code, 0);
     const std::string whole = contents(folder / "slide.pvs");
