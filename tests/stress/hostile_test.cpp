@@ -300,6 +300,53 @@ TEST(Hostile, M11InsideClosedPartsNoSampleIsOpen) {
     figure("M11 inside closed parts, whole frames: samples tested, none open", double(tests), "samples");
 }
 
+// M11. What is known. A sphere whose fronts look inward is no closed part, and its levels leave gaps near its
+// wall: in a watertight frame all samples are blocked all the same, for receivers as near as a tenth of the
+// radius, wherever the scene lies.
+TEST(Hostile, M11InsideOutSpheresNoSampleIsOpenInWatertightFrames) {
+    const uint64_t receivers = std::max<uint64_t>(stress_cases() / 12, 40); // ten million samples in stress
+    Random random(stress_seed() * 23);
+    for (const Quality quality : {Quality::draft, Quality::standard, Quality::fine}) {
+        uint64_t tests = 0, loose_open = 0;
+        for (const float offset : {0.0f, 1e5f}) {
+            for (const uint32_t subdivisions : {1u, 3u, 5u}) {
+                SCOPED_TRACE(std::string(quality_name(quality)) + ", sphere " + std::to_string(subdivisions) +
+                             ", offset " + std::to_string(offset));
+                scenes::Mesh sphere = scenes::sphere(subdivisions, 100);
+                const glm::vec3 by = random.direction() * offset;
+                for (glm::vec3& p : sphere.rest_positions)
+                    p += by;
+                for (size_t k = 0; k < sphere.indices.size(); k += 3)
+                    std::swap(sphere.indices[k], sphere.indices[k + 1]);
+                std::vector<glm::vec3> at, n;
+                for (uint64_t k = 0; k < receivers; ++k) {
+                    at.push_back(by + random.direction() * (k % 2 ? 85.0f : random.between(0, 85)));
+                    n.push_back(random.direction());
+                }
+                Engine engine;
+                const scenes::Mesh eyes = points(at, n);
+                Posed walls = at_rest(add(engine.context, sphere), sphere);
+                walls.receives = false;
+                const std::vector<Posed> frame{at_rest(add(engine.context, eyes), eyes), walls};
+                FrameDesc settings;
+                settings.quality = quality;
+                const Outputs loose = run_frame(engine.context, frame, settings);
+                settings.watertight = true;
+                const Outputs tight = run_frame(engine.context, frame, settings);
+                const uint32_t bits = quality_mask_bits(quality);
+                for (size_t v = 0; v < at.size(); ++v) {
+                    ASSERT_EQ(blocked_bits(tight.meshes[0], v, quality), bits) << v;
+                    loose_open += bits - blocked_bits(loose.meshes[0], v, quality);
+                    tests += bits;
+                }
+            }
+        }
+        const std::string name = std::string("M11 inside-out spheres, ") + quality_name(quality) + ": ";
+        figure(name + "samples tested in watertight frames, none open", double(tests), "samples");
+        figure(name + "open per million without it", 1e6 * double(loose_open) / double(tests), "samples");
+    }
+}
+
 // G5. What lies in the tangent plane adds nothing; what goes through it, its upper part.
 TEST(Hostile, G5TangentPlane) {
     Engine engine;
