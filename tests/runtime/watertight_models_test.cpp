@@ -15,7 +15,7 @@ namespace fs = std::filesystem;
 
 const fs::path models = fs::path(NUSSELT_SHARED_DIR) / "data/models";
 
-// Nowhere a bit changes but from open to blocked, and only in masks of which at most 1 in 64 is open.
+// Nowhere a bit changes but from open to blocked, and only in masks of which at most 1 in 16 is open.
 void expect_nearly_closed_masks_alone(const scenes::Scene& scene, double time, Quality quality) {
     SCOPED_TRACE(scene.name + ", " + quality_name(quality));
     Engine engine;
@@ -32,7 +32,7 @@ void expect_nearly_closed_masks_alone(const scenes::Scene& scene, double time, Q
             ++receivers;
             const uint32_t before = blocked_bits(loose.meshes[m], v, quality),
                            after = blocked_bits(tight.meshes[m], v, quality);
-            if (before < bits - bits / 64) {
+            if (before < bits - bits / 16) {
                 ASSERT_TRUE(same_result(loose.meshes[m], tight.meshes[m], v)) << "mesh " << m << ", " << v;
                 continue;
             }

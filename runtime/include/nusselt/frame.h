@@ -122,7 +122,7 @@ struct FrameDesc {
     VisibleSet* record = nullptr;
     uint32_t visible_segment = 0;
     Falloff falloff = {}; // not with quality `paper`, a history, glossy or direct outputs
-    // Where at most one in 64 of a mask's samples is open, these are decided by the triangles themselves:
+    // Where at most one in 16 of a mask's samples is open, these are decided by the triangles themselves:
     // planes rounded to the table leave a few open around vertices, which inside a closed surface is light
     // from nowhere. For rooms and machines whose inside is seen; a few percent of the time, more where leaves
     // or hair leave a few samples truly open. Not with quality `paper` or a falloff.
