@@ -15,7 +15,7 @@ revision=$(git describe --always --dirty) # that of the programs: the tree may c
 
 figures=$work/figures.tsv
 : >"$figures"
-frames=$((minutes * 9000))
+frames=$((minutes * 10800))
 [[ $frames -gt 216000 ]] && frames=216000 # an hour at 60 Hz
 seed=${NUSSELT_STRESS_SEED:-$(date +%s)}
 results=$work/results.tsv
