@@ -450,6 +450,14 @@ TEST_F(Program, RolesOfMeshes) {
     EXPECT_NE(plain, picture("--ground"));
     EXPECT_NE(picture("--ground"), picture("--ground --shadows off"));
     EXPECT_NE(picture("--ground --shadows traced"), picture("--ground --shadows off"));
+    // The ground takes part in materials and in direct light.
+    for (const std::string how :
+         {"--brdf ggx:0.6:0.5", "--light direct", "--brdf phong:5:0.3 --light direct"}) {
+        EXPECT_NE(picture(how + " --ground"), picture(how)) << how;
+        EXPECT_NE(picture(how + " --ground"), picture("--ground")) << how;
+        EXPECT_NE(picture(how + " --ground"), picture(how + " --ground --receive-only 0 --receive-only 1"))
+            << how;
+    }
     // The upper one hides nothing any more; or it still does, but is not drawn.
     EXPECT_NE(plain, picture("--receive-only upper"));
     EXPECT_EQ(picture("--receive-only 1"), picture("--receive-only upper"));
@@ -506,13 +514,22 @@ TEST_F(Program, WhatStandsStillIsKept) {
 TEST_F(Program, Study) {
     expect_failure(2, "study weather --out out", {"weather", "glossy"});
     expect_failure(2, "study glossy --scene moon --out out", {"moon", "hand"});
-    for (const char* topic : {"glossy", "direct", "pvs"}) {
+    const std::pair<const char*, size_t> topics[] = {
+        {"glossy", 9}, {"direct", 12}, {"pvs", 3}, {"falloff", 5}, {"static", 4}};
+    for (const auto& [topic, rows] : topics) {
         const Outcome result = run(std::string("study ") + topic + " --quick --model box.obj --out out");
         ASSERT_EQ(result.code, 0) << result.err;
         const auto report = nlohmann::json::parse(contents(folder / "out" / (std::string(topic) + ".json")));
         EXPECT_EQ(report["topic"], topic);
-        EXPECT_GE(report["rows"].size(), topic == std::string("pvs") ? 3u : 9u);
+        EXPECT_GE(report["rows"].size(), rows) << topic;
         EXPECT_EQ(result.out, contents(folder / "out" / (std::string(topic) + ".txt")));
+        if (topic == std::string("static")) {
+            EXPECT_NE(report["rows"][0]["receivers computed"], "0");
+            EXPECT_EQ(report["rows"][3]["receivers computed"], "0"); // nothing moves
+        }
+        if (topic == std::string("direct")) {
+            EXPECT_TRUE(contents(folder / "out" / "direct.png").starts_with("\x89PNG"));
+        }
     }
 }
 

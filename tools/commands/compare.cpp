@@ -102,12 +102,12 @@ std::string read_text(const std::string& path) {
     return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
 }
 
-// Glossy, direct light and visible sets on every built-in scene, the crowd on the boxers; elsewhere what is
-// asked for.
+// Glossy, direct light, visible sets, falloff and what stands still on every built-in scene, the crowd on the
+// boxers; elsewhere what is asked for.
 std::vector<std::string> studies_of(const CompareOptions& options, const std::string& label) {
     if (!options.studies.empty()) return options.studies;
     if (!options.models.empty() || options.scene != "all" || options.quick) return {};
-    std::vector<std::string> topics{"glossy", "direct", "pvs"};
+    std::vector<std::string> topics{"glossy", "direct", "pvs", "falloff", "static"};
     if (label == "fight") topics.emplace_back("objects");
     return topics;
 }
@@ -120,6 +120,7 @@ void study_scene(const CompareOptions& options, const std::string& label, const 
     subject.scene.pose(0.3 * subject.scene.duration, subject.pose);
     StudyOptions study;
     study.quick = true;
+    study.pictures = false;
     study.most_objects = 16;
     study.engine.threads = 1;
     study.engine.isa = options.measure.isa;

@@ -156,10 +156,10 @@ CLI::App* add_compare(CLI::App& app, CompareOptions& compare, CompareWords& word
     command
         ->add_option("--study", compare.studies,
                      "topics of `nusselt study` that each scene gets a table of: glossy, direct, pvs, "
-                     "objects; default: "
-                     "the first three with --scene all, and objects on its fight, but not with --quick")
+                     "objects, falloff, static; default: "
+                     "all with --scene all, objects on its fight alone, but none with --quick")
         ->type_name("TOPIC")
-        ->check(CLI::IsMember({"glossy", "direct", "pvs", "objects"}));
+        ->check(CLI::IsMember({"glossy", "direct", "pvs", "objects", "falloff", "static"}));
     command
         ->add_option(
             "--readme", compare.readme,
@@ -436,7 +436,7 @@ void parse_and_run(int argc, const char* const* argv) {
     study_words.threads = 1;
     CLI::App* study_command = app.add_subcommand(
         "study", "what a further part of the method costs and how wrong it is: a table and JSON");
-    study_command->add_option("topic", study.topic, "glossy, direct, pvs, objects")
+    study_command->add_option("topic", study.topic, "glossy, direct, pvs, objects, falloff, static")
         ->type_name("TOPIC")
         ->required();
     CLI::Option* study_model =

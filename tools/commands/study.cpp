@@ -19,8 +19,8 @@ struct Topic {
     const char* name;
     Study (*run)(const Subject& subject, const StudyOptions& options);
 };
-constexpr Topic topics[] = {
-    {"glossy", study_glossy}, {"direct", study_direct}, {"pvs", study_pvs}, {"objects", study_objects}};
+constexpr Topic topics[] = {{"glossy", study_glossy},   {"direct", study_direct},   {"pvs", study_pvs},
+                            {"objects", study_objects}, {"falloff", study_falloff}, {"static", study_static}};
 
 const Topic& topic_of(const std::string& name) {
     std::string list;

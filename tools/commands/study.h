@@ -14,6 +14,7 @@ namespace nusselt::tools {
 struct StudyOptions {
     std::string topic, model, scene = "hand", out, clip;
     bool quick = false; // few receivers, rays and rounds
+    bool pictures = true;
     uint32_t most_objects = 64;
     Quality quality = Quality::standard;
     EngineOptions engine; // one thread unless told otherwise
@@ -48,5 +49,7 @@ Study study_glossy(const Subject& subject, const StudyOptions& options);
 Study study_direct(const Subject& subject, const StudyOptions& options);
 Study study_pvs(const Subject& subject, const StudyOptions& options);
 Study study_objects(const Subject& subject, const StudyOptions& options);
+Study study_falloff(const Subject& subject, const StudyOptions& options);
+Study study_static(const Subject& subject, const StudyOptions& options);
 
 } // namespace nusselt::tools

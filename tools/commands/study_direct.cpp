@@ -2,6 +2,7 @@
 // against rays into the environment itself.
 #include "tools/commands/study.h"
 #include "tools/image/image.h"
+#include "tools/render/render.h"
 #include "tools/report/stop.h"
 #include "tools/trace/parallel.h"
 #include "tools/trace/trace.h"
@@ -13,6 +14,7 @@
 #include <cstdio>
 #include <cstring>
 #include <numbers>
+#include <numeric>
 
 namespace nusselt::tools {
 
@@ -124,6 +126,31 @@ RadianceError error_of(const StreamArray& stream, const std::vector<double>& ref
     return error;
 }
 
+// Under a hard sun alone, beside one another: 25 terms, direct light, rays.
+std::string beside_rays(const Subject& subject, const Assembly& all, const TraceScene& traced,
+                        const Light& light, const StreamArray& sh, const StreamArray& direct, bool quick) {
+    const uint32_t side = quick ? 120 : 420;
+    Framing framing = make_framing(subject.scene.view_direction, 32, side, side);
+    include(framing, all.positions);
+    const View view = cast_view(traced, frame_camera(framing), side, side);
+    std::vector<uint32_t> every(all.positions.size());
+    std::iota(every.begin(), every.end(), 0u);
+    const std::vector<double> red = trace_radiance(traced, all, light, every, 1);
+    std::vector<float> rays;
+    for (const double value : red)
+        rays.insert(rays.end(), 3, static_cast<float>(value));
+    const auto colours = [&](const StreamArray& stream) {
+        std::vector<float> radiance(stream.bytes.size() / sizeof(float));
+        std::memcpy(radiance.data(), stream.bytes.data(), stream.bytes.size());
+        return color_view(view, all, radiance);
+    };
+    const Image truth = color_view(view, all, rays);
+    const float exposure = exposure_for(truth, view.covered);
+    const auto finished = [&](const Image& image) { return finish_view(view, image, exposure, nullptr); };
+    const Picture left = finished(colours(sh)), middle = finished(colours(direct)), right = finished(truth);
+    return encode_png(beside({&left, &middle, &right}, 4));
+}
+
 } // namespace
 
 Study study_direct(const Subject& subject, const StudyOptions& options) {
@@ -172,6 +199,9 @@ Study study_direct(const Subject& subject, const StudyOptions& options) {
         row("25 terms", times[1], sh[0]);
         row("25 terms, Hann 6", times[2], damped[0]);
         row("direct", times[3], direct[0]);
+        if (options.pictures && &light == std::end(lights) - 1)
+            study.pictures.emplace_back(
+                "direct.png", beside_rays(subject, all, traced, light, sh[0], direct[0], options.quick));
         options.progress(++done / std::size(lights));
     }
     return study;

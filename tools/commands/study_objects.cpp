@@ -109,7 +109,7 @@ Study study_objects(const Subject& subject, const StudyOptions& options) {
              text("%.0f", static_cast<double>(frames.stats.triangles_rasterized) / receivers),
              percent(error(frames.grouped).mean), percent(error(frames.grouped).p99),
              percent(error(frames.together).mean), percent(error(frames.alone).mean)});
-        if (n == 16) {
+        if (n == 16 && options.pictures) {
             const Pictures pictures(crowd, all, options.quick);
             study.pictures = {{"objects.png", pictures.png(all, frames.grouped)},
                               {"as_one.png", pictures.png(all, frames.together)},

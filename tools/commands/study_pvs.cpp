@@ -20,8 +20,9 @@ struct Means {
 
 Study study_pvs(const Subject& subject, const StudyOptions& options) {
     Study study;
-    study.table.columns = {"quality", "bytes",           "looked at",     "with a set",    "drawn",
-                           "time",    "frames a second", "the same with", "error between", "worst"};
+    study.table.columns = {"quality",       "bytes", "looked at",       "looked at with a set",
+                           "drawn",         "time",  "frames a second", "frames with a set",
+                           "error between", "worst"};
     const uint32_t recorded = options.quick ? 10 : 40;
     const auto moment = [&](double frame) { return subject.scene.duration * frame / (recorded - 1); };
     constexpr Quality qualities[] = {Quality::draft, Quality::standard, Quality::fine};

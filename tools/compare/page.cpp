@@ -347,7 +347,9 @@ sized("Cost of a vertex against triangles", "triangles", "triangles", e => e.us_
 const topics = { glossy: "Glossy surfaces: processor time over diffuse transfer, instead of it and beside it; error against rays",
   direct: "Direct light beside 25 terms: processor time over transfer alone; error of the radiance against rays into the light itself",
   pvs: "Potentially visible sets of the animation: triangles looked at a receiver, processor time over culling alone; error half-way between recorded frames",
-  objects: "Many objects: processor time over the sum of their times alone; error of all, as one object, and each alone" };
+  objects: "Many objects: processor time over the sum of their times alone; error of all, as one object, and each alone",
+  falloff: "Occlusion that fades with distance: processor time over none",
+  static: "What stands still: the scene on a ground that only receives" };
 for (const study of report.studies) {
   const card = make("div", document.getElementById("studies"), undefined, "card"), head = make("div", card, undefined, "head");
   make("h2", head, study.scene + ", " + study.topic);
@@ -385,18 +387,18 @@ if (pairs.length) {
   both("triangles", x => x.p.triangles, x => x.s.triangles);
   both("triangles of the coarse mesh", x => x.p.coarse_triangles, x => x.s.coarse_triangles);
   both("triangles rasterised a vertex", x => x.p.triangles_rasterized.toFixed(1), x => x.e.work.per_receiver.triangles_rasterized.toFixed(1));
-  both("the same with their PVS", x => given(x.p.triangles_rasterized_pvs), () => "-");
+  both("triangles rasterised with their PVS", x => given(x.p.triangles_rasterized_pvs), () => "-");
   both("triangles considered a vertex", () => "-", x => x.e.work.per_receiver.triangles_considered.toFixed(1));
   both("frames a second", x => x.p.fps.toFixed(1), x => x.e.fps.toFixed(0));
-  both("the same with their PVS", x => given(x.p.fps_pvs), () => "-");
+  both("frames a second with their PVS", x => given(x.p.fps_pvs), () => "-");
   const sets = (s, column) => {
     const study = report.studies.find(t => t.scene === s.name && t.topic === "pvs"), row = study && study.rows.find(r => r[0] === "standard");
     return row ? row[study.columns.indexOf(column)] : "-";
   };
   both("standard: triangles looked at", () => "-", x => sets(x.s, "looked at"));
-  both("the same with a visible set", () => "-", x => sets(x.s, "with a set"));
+  both("standard: looked at with a visible set", () => "-", x => sets(x.s, "looked at with a set"));
   both("standard: frames a second", () => "-", x => sets(x.s, "frames a second"));
-  both("the same with a visible set", () => "-", x => sets(x.s, "the same with"));
+  both("standard: frames a second with a visible set", () => "-", x => sets(x.s, "frames with a set"));
   both("mean L2 error, %", x => percent(x.p.error), x => percent(x.e.error.all.mean));
   const share = (e, names) => names.reduce((sum, name) => sum + e.work.stages[name], 0);
   both("rasterization, % of time", x => percent(x.p.stages.raster), x => percent(share(x.e, ["raster"])));

@@ -525,14 +525,15 @@ std::string markdown_tables(const Comparison& comparison) {
         return std::string("-");
     }; // quality paper
     row(
-        "the same with their PVS", [&](const PaperRow& p) { return given(p.rasterized_pvs); }, takes_none);
+        "triangles rasterised with their PVS", [&](const PaperRow& p) { return given(p.rasterized_pvs); },
+        takes_none);
     row(
         "frames a second", [&](const PaperRow& p) { return tenth(p.fps); },
         [&](const SceneReport&, const Entry& e) {
             return whole(e.wall_ms.min > 0 ? 1e3 / e.wall_ms.min : 0);
         });
     row(
-        "the same with their PVS", [&](const PaperRow& p) { return given(p.fps_pvs); }, takes_none);
+        "frames a second with their PVS", [&](const PaperRow& p) { return given(p.fps_pvs); }, takes_none);
     // Quality paper takes no sets; ours are of levels of detail.
     const auto none = [](const PaperRow&) { return std::string("-"); };
     const auto with_sets = [&](const char* name, const char* column) {
@@ -540,9 +541,9 @@ std::string markdown_tables(const Comparison& comparison) {
             [&](const SceneReport& s, const Entry&) { return set_figure(comparison, s.name, column); });
     };
     with_sets("`standard`: triangles looked at", "looked at");
-    with_sets("the same with a visible set", "with a set");
+    with_sets("`standard`: looked at with a visible set", "looked at with a set");
     with_sets("`standard`: frames a second", "frames a second");
-    with_sets("the same with a visible set", "the same with");
+    with_sets("`standard`: frames a second with a visible set", "frames with a set");
     row(
         "mean L2 error, %", [&](const PaperRow& p) { return percent(p.error); },
         [&](const SceneReport&, const Entry& e) { return percent(e.all.each.mean); });
