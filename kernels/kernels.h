@@ -142,7 +142,7 @@ using ClusterJobs = void (*)(const Batch& batch, const ClusterView& cluster, con
 
 // The same for both sides of a surface: `behind` holds the receivers of `batch` with their normals turned
 // over (not those with a normal along z, whose tangent frames are no mirror images), and its masks lie behind
-// those of `batch`. Layouts with an octahedral table only.
+// the sixteen of `batch`. At most twice jobs_per_cluster. Layouts with an octahedral table only.
 using BothSidesJobs = void (*)(const Batch& batch, const Batch& behind, const ClusterView& cluster,
                                const float* points, const MaskLayout& layout, float horizon,
                                ClusterScratch& scratch, JobList& jobs, Counters& counters);

@@ -11,9 +11,12 @@ namespace {
 
 constexpr uint32_t leaf_triangles = 4;
 constexpr uint32_t most_depth = 64; // of a tree of halves, with room to spare
+// A query looks at some ten leaves of a real model; where all boxes lie on one another, at no more than so
+// many: what it has found is then farther than the nearest, and the level serves farther off.
+constexpr uint32_t most_leaves = 1000;
 
-// Of the largest distance of a lost vertex. What lies above the surface that it stands for hides what it
-// should not, and counts sooner.
+// Of the largest distance of a lost vertex. What lies above the closed surface that it stands for hides what
+// it should not, and counts sooner; sheets have no above.
 constexpr double beyond = 1, beyond_above = 0.75;
 // Of positions within 1: what rounding alone may give.
 constexpr double least_square = 1e-12;
@@ -132,7 +135,7 @@ SurfacePoint find_near(const SurfaceTree& tree, const Vec3f* positions, Vec3d p,
             const Vec3d w = nearest_weights(p, t.a, t.b, t.c);
             const Vec3d point = t.a * w.x + t.b * w.y + t.c * w.z;
             const double square = dot(p - point, p - point);
-            if (square >= near.square) continue;
+            if (!(square < near.square)) continue; // not where triangles are so thin that it is none
             const uint32_t corner = w.x >= w.y && w.x >= w.z ? 0 : w.y >= w.z ? 1 : 2;
             near = {square, point, triangle[corner]};
             leaf = number;
@@ -144,13 +147,14 @@ SurfacePoint find_near(const SurfaceTree& tree, const Vec3f* positions, Vec3d p,
         double square;
     };
     Entry stack[most_depth];
-    uint32_t depth = 0;
+    uint32_t depth = 0, leaves = 0;
     stack[depth++] = {0, 0};
     while (depth > 0 && near.square > enough) {
         const Entry entry = stack[--depth];
         if (entry.square >= near.square) continue;
         const SurfaceTree::Node& node = tree.nodes[entry.node];
         if (!node.second) {
+            if (++leaves > most_leaves) break;
             look_at(entry.node);
             continue;
         }
@@ -164,11 +168,12 @@ SurfacePoint find_near(const SurfaceTree& tree, const Vec3f* positions, Vec3d p,
 }
 
 Bridge find_bridge(const SurfaceTree& tree, const Vec3f* positions, const uint32_t* corners,
-                   const uint32_t* triangles, uint32_t count, double most_square) {
+                   const uint32_t* triangles, uint32_t count, bool two_sided, double most_square) {
     Bridge bridge{none, {}, {}, 0};
     double farthest = 0;
     uint32_t leaf = static_cast<uint32_t>(tree.nodes.size()) - 1; // the last node is one
-    const double least_far = std::max(beyond_above * beyond_above * most_square, least_square);
+    const double sooner = two_sided ? beyond : beyond_above;
+    const double least_far = std::max(sooner * sooner * most_square, least_square);
     for (uint32_t i = 0; i < count; ++i) {
         const uint32_t* corner = corners + 3 * size_t(triangles[i]);
         const Corners t = corners_of(corner, positions);
@@ -177,7 +182,7 @@ Bridge find_bridge(const SurfaceTree& tree, const Vec3f* positions, const uint32
             const SurfacePoint near = find_near(tree, positions, p, std::max(farthest, least_far), leaf);
             if (!(near.square > std::max(farthest, least_far))) continue;
             const bool above = dot(cross(t.b - t.a, t.c - t.a), p - near.point) > 0;
-            if (!above && near.square <= beyond * beyond * most_square) continue;
+            if (!two_sided && !above && near.square <= beyond * beyond * most_square) continue;
             const Vec3d away = p - to_double(positions[near.vertex]);
             if (!(dot(away, away) > 0)) continue;
             farthest = near.square;

@@ -33,11 +33,12 @@ void build_surface_tree(const Vector<uint32_t>& triangles, const Vec3f* position
 struct SurfacePoint {
     double square; // of its distance
     Vec3d point;
-    uint32_t vertex; // corner of its triangle that lies nearest to it
+    uint32_t vertex; // the corner of its triangle that weighs most in it
 };
 
-// A point of the surface no farther from p than the root of `enough`, or else the nearest. `leaf`: a node
-// without halves, looked at first; out: the one that has the point, where the next query may begin.
+// A point of the surface no farther from p than the root of `enough`, or else the nearest, of a great many
+// triangles that lie on one another one of the nearest. `leaf`: a node without halves, looked at first; out:
+// the one that has the point, where the next query may begin.
 SurfacePoint find_near(const SurfaceTree& tree, const Vec3f* positions, Vec3d p, double enough,
                        uint32_t& leaf);
 
@@ -47,8 +48,8 @@ Vec3d nearest_weights(Vec3d p, Vec3d a, Vec3d b, Vec3d c);
 
 // The farthest point of some triangles from the level before theirs (`tree`), among four of each, where it
 // lies farther than `most_square` (its root, in the rest pose) allows. `triangles`: numbers of welded triples
-// in `corners`. Its vertex is `none` where no point does.
+// in `corners`, `two_sided` where they block from both sides. Its vertex is `none` where no point does.
 Bridge find_bridge(const SurfaceTree& tree, const Vec3f* positions, const uint32_t* corners,
-                   const uint32_t* triangles, uint32_t count, double most_square);
+                   const uint32_t* triangles, uint32_t count, bool two_sided, double most_square);
 
 } // namespace nusselt

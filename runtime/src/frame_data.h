@@ -155,7 +155,7 @@ struct Worker {
           points_before(HostAllocator<float>(a)) {}
 
     Vector<kernels::ClusterScratch> scratch; // one
-    Vector<uint8_t> masks;                   // of a batch, for each shell
+    Vector<uint8_t> masks;                   // of a batch, for each shell or each side
     Vector<uint32_t> jobs;                   // the job list's four arrays
     Vector<uint16_t> near; // by welded vertex, one bit a lane (quality `paper`); zero between batches
     Vector<uint32_t> candidates, selected;

@@ -22,8 +22,8 @@ struct ClusterBoundsArrays {
     kernels::ClusterBounds view(uint32_t count) const;
 };
 
-// Of a cluster's samples: the sum of their squared distances, and the largest distance, that of the finer
-// clusters under it included.
+// Of a cluster's samples: the sum of their squared distances, and the largest distance, that of its bridge
+// and of the finer clusters under it included; and the distance of its bridge, 0 for none.
 struct LevelError {
     float squares, most, bridge;
 };

@@ -256,7 +256,7 @@ void add_samples(const Builder& b, uint8_t level, const Clusters& clusters, Leve
             for (uint32_t i = 0; i < count; ++i)
                 most = std::max(most, add_samples_of(b, numbers[i], samples));
             bridge = find_bridge(b.before, b.positions.data(), b.simplifier.triangles.data(), numbers, count,
-                                 most);
+                                 clusters.two_sided[c] != 0, most);
         }
         samples.bridges.push_back(bridge);
         numbers += count;

@@ -154,7 +154,7 @@ void shadow_sides(Frame& frame, const MeshSlice& front, const uint32_t* receiver
     uint32_t candidates = 0;
     load_batches(frame, back, receivers, count, worker, worker.behind, ignored);
     if (load_batches(frame, front, receivers, count, worker, worker.batches, all)) {
-        all.cone_cos = -1;
+        all.cone_cos = -1; // of both sides: next to nothing lies below all of their horizons
         candidates = select_candidates(frame, front, all, all, worker);
     }
     clock.lap(cull_stage);

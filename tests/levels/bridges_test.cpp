@@ -91,7 +91,7 @@ TEST(Bridges, ATriangleAcrossAHole) {
     const uint32_t across[3] = {0, 1, 2}, first = 0;
     // Of its points (1/6, -1/6, 0) and three nearer to corners, the first lies 1/3 from two sides of the
     // hole.
-    const Bridge bridge = find_bridge(tree, s.positions.data(), across, &first, 1, 0.0);
+    const Bridge bridge = find_bridge(tree, s.positions.data(), across, &first, 1, false, 0.0);
     ASSERT_NE(bridge.vertex, none);
     Vec3d at{};
     for (uint32_t k = 0; k < 3; ++k)
@@ -99,8 +99,8 @@ TEST(Bridges, ATriangleAcrossAHole) {
     const Vec3d away = at - to_double(p[bridge.vertex]);
     EXPECT_NEAR(std::sqrt(double(bridge.part) * dot(away, away)), 1.0 / 3, 1e-6);
     // In the plate's plane it lies to neither side: it counts from the largest distance on, and not before.
-    EXPECT_NE(find_bridge(tree, s.positions.data(), across, &first, 1, 0.32 * 0.32).vertex, none);
-    EXPECT_EQ(find_bridge(tree, s.positions.data(), across, &first, 1, 0.34 * 0.34).vertex, none);
+    EXPECT_NE(find_bridge(tree, s.positions.data(), across, &first, 1, false, 0.32 * 0.32).vertex, none);
+    EXPECT_EQ(find_bridge(tree, s.positions.data(), across, &first, 1, false, 0.34 * 0.34).vertex, none);
     // Above it, it counts from three quarters on; below it, it doesn't.
     for (const float height : {0.2f, -0.2f}) {
         std::vector<Vec3f> moved = p;
@@ -108,17 +108,20 @@ TEST(Bridges, ATriangleAcrossAHole) {
             moved.push_back(p[k] + Vec3f{0, 0, height});
         const uint32_t lifted[3] = {8, 9, 10};
         const double distance = std::hypot(1.0 / 3, 0.2);
-        const auto counts = [&](double most) {
-            return find_bridge(tree, moved.data(), lifted, &first, 1, most * most * distance * distance)
+        const auto counts = [&](double most, bool two_sided = false) {
+            return find_bridge(tree, moved.data(), lifted, &first, 1, two_sided,
+                               most * most * distance * distance)
                        .vertex != none;
         };
         EXPECT_TRUE(counts(0.99));
         EXPECT_EQ(counts(1.3), height > 0);
         EXPECT_FALSE(counts(1.35));
+        EXPECT_TRUE(counts(0.99, true));
+        EXPECT_FALSE(counts(1.01, true));
     }
     // On the surface there is nothing to bridge.
     const uint32_t own[3] = {plate[0][0], plate[0][1], plate[0][2]};
-    EXPECT_EQ(find_bridge(tree, s.positions.data(), own, &first, 1, 0.0).vertex, none);
+    EXPECT_EQ(find_bridge(tree, s.positions.data(), own, &first, 1, false, 0.0).vertex, none);
 }
 
 // Of a mesh's levels: as far from the level before as its triangles say.

@@ -29,10 +29,11 @@ struct FrameId {
 
 // What lies behind a mesh's vertices: results for the hemispheres around the opposite of its normals, as a
 // mesh with those normals would get them, bit for bit. For sheets that are seen from both sides: cloth,
-// leaves, paper, glTF's doubleSided. Points, bounds and levels of detail are made once, and where a mesh
-// has no closed parts its blockers are looked at once: a back costs 0.8 to 1 times what a front costs. Not
-// for closed parts: behind their skin is their inside, which is dark and is found so, at a price. Nothing in
-// it: one side, at no cost.
+// leaves, paper, glTF's doubleSided. Points, bounds and levels of detail are made once. Where a mesh has no
+// closed parts and the same vertices need both sides, its blockers are looked at once, and a back costs 0.8
+// times what a front costs; not in frames with a history, several objects, a falloff or a visible set, where
+// it costs what a front does. Not for closed parts: behind their skin is their inside, which is dark and is
+// found so, at a price. Nothing in it: one side, at no cost.
 struct BackSide {
     TransferView transfer; // as in FrameMesh; each side may have its own or none
     MaskView masks;
@@ -176,9 +177,10 @@ Status submit(Context* context, const FrameDesc& desc, FrameId* out);
 Status poll(Context* context, FrameId frame, bool* done);
 
 // Asks the frame to stop, from any thread, also while another one waits. No new piece of work is begun; what
-// is begun (under a millisecond a thread) is finished. `wait` must be called all the same. A receiver then
-// has either its whole result or what was in the array before; receivers_written counts the former.
-// Cancelling a frame that is done changes nothing. `stale_handle`: it was waited for.
+// is begun (at most 128 vertices a thread, some milliseconds at the most) is finished. `wait` must be called
+// all the same. A receiver then has either its whole result or what was in the array before;
+// receivers_written counts the former. Cancelling a frame that is done changes nothing. `stale_handle`: it
+// was waited for.
 Status cancel(Context* context, FrameId frame);
 
 // Helps until the frame is done; all results are then written. The handle is spent. `stats` may be null.
