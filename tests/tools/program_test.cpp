@@ -12,6 +12,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -632,6 +633,37 @@ TEST_F(Program, OutputThatIsThereIsReplacedWhole) {
     EXPECT_NE(contents(folder / "out" / "transfer.npy"), first);
     EXPECT_EQ(contents(folder / "out" / "mine.txt"), "mine");
     EXPECT_EQ(std::distance(fs::directory_iterator(folder / "out"), {}), 7);
+}
+
+// What stands where results should go is left alone, and nobody waits for a FIFO's reader or writer.
+TEST_F(Program, OutputsInTheWay) {
+    std::ofstream(folder / "file") << "mine";
+    fs::create_symlink("nowhere", folder / "dangling");
+    fs::create_directory(folder / "real");
+    fs::create_symlink("real", folder / "link");
+    ASSERT_EQ(mkfifo((folder / "fifo").c_str(), 0600), 0);
+    for (const std::string name : {"file", "fifo", "file/below", "dangling"})
+        expect_failure(1, "transfer box.obj --out " + name, {name, "--out"});
+    EXPECT_EQ(contents(folder / "file"), "mine");
+    EXPECT_TRUE(fs::is_fifo(folder / "fifo"));
+    EXPECT_TRUE(fs::is_symlink(folder / "dangling"));
+    EXPECT_FALSE(fs::exists(folder / "nowhere"));
+    ASSERT_EQ(run("transfer box.obj --out link").code, 0);
+    EXPECT_TRUE(fs::is_symlink(folder / "link"));
+    EXPECT_TRUE(fs::exists(folder / "real" / "transfer.npy"));
+    expect_failure(1, "pvs slide.gltf --out real", {"real"}); // one file
+    EXPECT_TRUE(fs::exists(folder / "real" / "transfer.npy"));
+}
+
+// Nobody reads what it says: that is a failure, told, and no signal ends it.
+TEST_F(Program, ClosedStandardOutput) {
+    for (const std::string arguments : {"info box.obj", "info box.obj --json", "--help"}) {
+        const std::string command = "cd '" + folder.string() + "' && ( sleep 0.2; '" NUSSELT_PROGRAM "' " +
+                                    arguments + " 2>stderr; echo $? >code ) | :";
+        ASSERT_NE(std::system(command.c_str()), -1);
+        EXPECT_EQ(contents(folder / "code"), "1\n") << arguments;
+        EXPECT_TRUE(contents(folder / "stderr").starts_with("nusselt: ")) << arguments;
+    }
 }
 
 TEST_F(Program, Demo) {
