@@ -100,16 +100,6 @@ Status contradiction() {
             "set not read: what it says of its frames contradicts itself; make it anew with `nusselt pvs`"};
 }
 
-// Bits of clusters that there are none of, at the end of a batch's words.
-bool has_stray_bits(const VisibleSet& set) {
-    if (set.clusters % 32 == 0) return false;
-    const uint32_t stray = ~0u << set.clusters % 32;
-    for (size_t last = set.words - 1; last < set.bits.size(); last += set.words) {
-        if (set.bits[last] & stray) return true;
-    }
-    return false;
-}
-
 // What is wrong with a file before its meshes are looked at.
 Status check_file(const void* data, size_t size, Header& header) {
     const auto bad = [](const char* text) { return Status{StatusCode::invalid_argument, text}; };
@@ -332,10 +322,7 @@ Status read_visible_set(Context* context, const MeshId* meshes, uint32_t mesh_co
     if (!set.bits.empty())
         std::memcpy(set.bits.data(), entries + sizeof(MeshEntry) * mesh_count,
                     set.bits.size() * sizeof(uint32_t));
-    if (!has_stray_bits(set)) return status;
-    destroy_visible_set(context, *out);
-    *out = nullptr;
-    return contradiction();
+    return status;
 }
 
 Status check_visible_set(const FrameDesc& desc) {
