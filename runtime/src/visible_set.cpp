@@ -135,6 +135,14 @@ Status check_meshes(const VisibleSet& set, const Header& header, const char* ent
     }
     if (header.rows != set.rows || header.clusters != set.clusters || size != bytes_of(set))
         return bad("set not read: its size does not fit its meshes; make it anew with `nusselt pvs`");
+    // Bits past the last cluster are nobody's.
+    const uint32_t past = set.clusters % 32 ? ~0u << set.clusters % 32 : 0;
+    const char* const bits = entries + sizeof(MeshEntry) * set.meshes.size();
+    for (size_t row = 1; past && row <= size_t(set.segments) * set.rows; ++row) {
+        uint32_t last;
+        std::memcpy(&last, bits + sizeof(last) * (row * set.words - 1), sizeof(last));
+        if (last & past) return contradiction();
+    }
     return {};
 }
 

@@ -297,6 +297,16 @@ TEST(VisibleSet, RefusesWhatContradictsItself) {
     std::vector<char> file = full.file();
     set_to(file, recorded_at, 1); // as it is
     EXPECT_TRUE(Set(engine.context, meshes, file).status.ok());
+    // A cluster past the last.
+    uint32_t clusters;
+    std::memcpy(&clusters, &file[28], 4);
+    ASSERT_NE(clusters % 32, 0u);
+    std::vector<char> more = full.file();
+    const size_t word = 40 + 2 * next_mesh + 4 * ((clusters + 31) / 32 - 1);
+    uint32_t bits;
+    std::memcpy(&bits, &more[word], 4);
+    set_to(more, word, bits | 1u << clusters % 32);
+    expect_refused(engine, meshes, more, "contradicts itself");
     struct Lie {
         bool recorded;
         size_t at;
