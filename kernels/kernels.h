@@ -171,7 +171,7 @@ using RunJobs = void (*)(const Tables& tables, JobList& jobs, uint8_t* masks);
 using Integrate = void (*)(const Tables& tables, const uint8_t* masks, uint32_t valid, bool per_block,
                            uint32_t order, float local[25][lanes], Counters& counters);
 
-// Rotates to the caller's space: out[term][lane]. Lanes that are not valid become 0.
+// Rotates to the caller's space: out[term][lane]. Lanes that are not valid become 0. `out` may be `local`.
 using Rotate = void (*)(const Batch& batch, uint32_t order, const float local[25][lanes],
                         float out[25][lanes]);
 

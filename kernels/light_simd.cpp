@@ -399,7 +399,8 @@ void integrate_glossy(const Tables& tables, const CellTables& cells, const uint8
     constexpr decltype(&integrate_lane<Parts::power>) by_kind[] = {
         integrate_lane<Parts::power>, integrate_lane<Parts::whole>, integrate_lane<Parts::metal>,
         integrate_lane<Parts::plastic>, integrate_lane<Parts::mixed>};
-    alignas(64) float sums[3][25][lanes] = {}; // of fields
+    // The fields' sums take the channels' place until these are made: there are never more fields.
+    std::memset(local, 0, sizeof(local[0]) * channels);
     alignas(64) float factors[3][3][lanes] = {}, diffuse[3][lanes];
     uint32_t most_fields = 0;
     for (uint32_t lane = 0; lane < lanes; ++lane) {
@@ -416,16 +417,19 @@ void integrate_glossy(const Tables& tables, const CellTables& cells, const uint8
             for (uint32_t c = 0; c < 3; ++c)
                 factors[f][c][lane] = parts.factor[f][c];
             for (uint32_t i = 0; i < 25; ++i)
-                sums[f][i][lane] = sum[f][i];
+                local[f][i][lane] = sum[f][i];
         }
     }
     for (uint32_t lane = 0; lane < lanes; lane += width) {
         const auto present = mask_of(valid >> lane);
-        for (uint32_t c = 0; c < channels; ++c) {
-            for (uint32_t i = 0; i < 25; ++i) {
+        for (uint32_t i = 0; i < 25; ++i) {
+            V sums[3];
+            for (uint32_t f = 0; f < most_fields; ++f)
+                sums[f] = load(local[f][i], lane);
+            for (uint32_t c = 0; c < channels; ++c) {
                 V glossy = hn::Zero(df);
                 for (uint32_t f = 0; f < most_fields; ++f)
-                    glossy = hn::Add(glossy, hn::Mul(load(factors[f][c], lane), load(sums[f][i], lane)));
+                    glossy = hn::Add(glossy, hn::Mul(load(factors[f][c], lane), sums[f]));
                 const V all = hn::Add(hn::Mul(load(diffuse[c], lane), load(diffuse_local[i], lane)),
                                       hn::Mul(glossy, constant(tables.scale[i])));
                 hn::Store(hn::IfThenElseZero(present, all), df, local[c][i] + lane);

@@ -159,11 +159,10 @@ uint32_t make_glossy(const Frame& frame, const MeshSlice& slice, const uint32_t*
     } else if (slice.masks_alone) {
         std::fill_n(&worker.local[0][0], 25 * lanes, 0.0f);
     }
-    alignas(64) float local[3][25][lanes];
     frame.light_kernels->integrate_glossy(*frame.tables, *frame.cells, worker.masks.data(), batch.valid,
-                                          reflections, channels, worker.local, local);
+                                          reflections, channels, worker.local, worker.glossy);
     for (uint32_t c = 0; c < channels; ++c)
-        frame.kernels->rotate(batch, 5, local[c], worker.glossy[c]);
+        frame.kernels->rotate(batch, 5, worker.glossy[c], worker.glossy[c]);
     for (uint32_t c = channels; c < 3; ++c)
         copy(worker.glossy[0], worker.glossy[c]);
     return channels;
