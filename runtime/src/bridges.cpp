@@ -43,45 +43,63 @@ Vec3d largest(Vec3d a, Vec3d b) {
 }
 
 double square_to_box(Vec3d p, const SurfaceTree::Node& node) {
-    const Vec3d nearest = largest(node.low, least(p, node.high));
+    const Vec3d nearest = largest(to_double(node.low), least(p, to_double(node.high)));
     return dot(p - nearest, p - nearest);
 }
 
-void add_node(SurfaceTree& tree, const Vec3f* positions, uint32_t begin, uint32_t end) {
+// What only building a tree needs.
+struct TreeBuilder {
+    const Vector<uint32_t>& triangles;
+    const Vec3f* positions;
+    Vector<uint32_t> order; // numbers of triangles
+    Vector<Vec3d> centres;  // by number
+};
+
+void add_node(TreeBuilder& b, uint32_t begin, uint32_t end, SurfaceTree& tree) {
     const size_t own = tree.nodes.size();
     tree.nodes.push_back({{}, {}, begin, end, 0});
     if (end - begin <= leaf_triangles) {
-        Vec3d low = tree.centres[tree.order[begin]], high = low;
+        constexpr double none_yet = std::numeric_limits<double>::max();
+        Vec3d low{none_yet, none_yet, none_yet}, high = low * -1.0;
         for (uint32_t i = begin; i < end; ++i) {
-            const Corners t = corners_of(&tree.triangles[3 * size_t(tree.order[i])], positions);
+            const Corners t = corners_of(&b.triangles[3 * size_t(b.order[i])], b.positions);
             low = least(low, least(t.a, least(t.b, t.c)));
             high = largest(high, largest(t.a, largest(t.b, t.c)));
         }
-        tree.nodes[own].low = low;
-        tree.nodes[own].high = high;
+        tree.nodes[own].low = to_float(low); // exact: they are corners' coordinates
+        tree.nodes[own].high = to_float(high);
         return;
     }
-    Vec3d low = tree.centres[tree.order[begin]], high = low;
+    Vec3d low = b.centres[b.order[begin]], high = low;
     for (uint32_t i = begin; i < end; ++i) {
-        low = least(low, tree.centres[tree.order[i]]);
-        high = largest(high, tree.centres[tree.order[i]]);
+        low = least(low, b.centres[b.order[i]]);
+        high = largest(high, b.centres[b.order[i]]);
     }
     const Vec3d size = high - low;
     const auto along = [&](uint32_t t) {
-        const Vec3d& c = tree.centres[t];
+        const Vec3d& c = b.centres[t];
         return size.x >= size.y && size.x >= size.z ? c.x : size.y >= size.z ? c.y : c.z;
     };
     const uint32_t middle = begin + (end - begin) / 2;
     std::nth_element(
-        tree.order.begin() + begin, tree.order.begin() + middle, tree.order.begin() + end,
+        b.order.begin() + begin, b.order.begin() + middle, b.order.begin() + end,
         [&](uint32_t s, uint32_t t) { return along(s) < along(t) || (along(s) == along(t) && s < t); });
-    add_node(tree, positions, begin, middle);
+    add_node(b, begin, middle, tree);
     const uint32_t second = static_cast<uint32_t>(tree.nodes.size());
-    add_node(tree, positions, middle, end);
+    add_node(b, middle, end, tree);
     SurfaceTree::Node& node = tree.nodes[own];
+    const SurfaceTree::Node &one = tree.nodes[own + 1], &other = tree.nodes[second];
     node.second = second;
-    node.low = least(tree.nodes[own + 1].low, tree.nodes[second].low);
-    node.high = largest(tree.nodes[own + 1].high, tree.nodes[second].high);
+    node.low = to_float(least(to_double(one.low), to_double(other.low)));
+    node.high = to_float(largest(to_double(one.high), to_double(other.high)));
+}
+
+// Nodes that so many triangles have at most: as many leaves as halving needs, all as deep.
+size_t most_nodes(uint32_t triangles) {
+    size_t leaves = 1;
+    while (leaves * leaf_triangles < triangles)
+        leaves *= 2;
+    return 2 * leaves - 1;
 }
 
 } // namespace
@@ -112,16 +130,21 @@ Vec3d nearest_weights(Vec3d p, Vec3d a, Vec3d b, Vec3d c) {
 
 void build_surface_tree(const Vector<uint32_t>& triangles, const Vec3f* positions, SurfaceTree& tree) {
     const uint32_t count = static_cast<uint32_t>(triangles.size() / 3);
-    tree.triangles = triangles;
-    tree.order.resize(count);
-    tree.centres.resize(count);
+    tree.triangles.resize(triangles.size());
     tree.nodes.clear();
+    if (count == 0) return;
+    const auto numbers = tree.triangles.get_allocator();
+    TreeBuilder b{triangles, positions, Vector<uint32_t>(count, 0, numbers),
+                  Vector<Vec3d>(count, {}, HostAllocator<Vec3d>(numbers))};
     for (uint32_t t = 0; t < count; ++t) {
         const Corners c = corners_of(&triangles[3 * size_t(t)], positions);
-        tree.order[t] = t;
-        tree.centres[t] = (c.a + c.b + c.c) * third;
+        b.order[t] = t;
+        b.centres[t] = (c.a + c.b + c.c) * third;
     }
-    if (count > 0) add_node(tree, positions, 0, count);
+    tree.nodes.reserve(most_nodes(count));
+    add_node(b, 0, count, tree);
+    for (uint32_t i = 0; i < count; ++i)
+        std::copy_n(&triangles[3 * size_t(b.order[i])], 3, &tree.triangles[3 * size_t(i)]);
 }
 
 SurfacePoint find_near(const SurfaceTree& tree, const Vec3f* positions, Vec3d p, double enough,
@@ -130,7 +153,7 @@ SurfacePoint find_near(const SurfaceTree& tree, const Vec3f* positions, Vec3d p,
     const auto look_at = [&](uint32_t number) {
         const SurfaceTree::Node& node = tree.nodes[number];
         for (uint32_t i = node.begin; i < node.end; ++i) {
-            const uint32_t* triangle = &tree.triangles[3 * size_t(tree.order[i])];
+            const uint32_t* triangle = &tree.triangles[3 * size_t(i)];
             const Corners t = corners_of(triangle, positions);
             const Vec3d w = nearest_weights(p, t.a, t.b, t.c);
             const Vec3d point = t.a * w.x + t.b * w.y + t.c * w.z;

@@ -11,19 +11,18 @@
 
 namespace nusselt {
 
-// The triangles of one level, in a tree of boxes: each node's halves follow it, the first at once.
+// The triangles of one level, in a tree of boxes: each node's halves follow it, the first at once. Halves
+// have as many triangles, wherever these lie, so a tree of 2^27 triangles is 26 deep.
 struct SurfaceTree {
     explicit SurfaceTree(const Allocator& a)
-        : triangles(HostAllocator<uint32_t>(a)), order(HostAllocator<uint32_t>(a)),
-          centres(HostAllocator<Vec3d>(a)), nodes(HostAllocator<Node>(a)) {}
+        : triangles(HostAllocator<uint32_t>(a)), nodes(HostAllocator<Node>(a)) {}
 
     struct Node {
-        Vec3d low, high;
-        uint32_t begin, end; // of `order`
+        Vec3f low, high;
+        uint32_t begin, end; // of the triangles
         uint32_t second;     // node of the second half; 0: a leaf
     };
-    Vector<uint32_t> triangles, order; // welded triples; their numbers
-    Vector<Vec3d> centres;             // one a triangle
+    Vector<uint32_t> triangles; // welded triples in the order of the leaves
     Vector<Node> nodes;
 };
 

@@ -120,7 +120,7 @@ struct Builder {
     Vector<uint32_t> side, side_source; // welded triples of one kind, and the simplifier's triangles they are
     Vector<uint32_t> clustered;         // the simplifier's triangles in the order of the clusters
     Vector<uint32_t> local_of;          // by welded vertex
-    Vector<uint32_t> coarse_triangles;  // what the coarse mesh is made from
+    Vector<uint32_t> coarse_triangles;  // what the coarse mesh is made from; none: the full mesh
     Vector<uint8_t> coarse_two_sided;
     SurfaceTree before; // the level before the current one
     uint32_t coarse_target = 0;
@@ -129,6 +129,13 @@ struct Builder {
     Partitioner partitioner;
     ClusterWriter writer;
 };
+
+// Gives the memory of making clusters back: simplifying, which comes next, takes most of all.
+void release_clustering(Builder& b) {
+    for (Vector<uint32_t>* v : {&b.side, &b.side_source, &b.clustered})
+        Vector<uint32_t>(b.numbers).swap(*v);
+    b.partitioner = Partitioner(b.numbers.host);
+}
 
 // Triangles of the simplifier's as clusters: those whose numbers are in b.side_source.
 void add_side(Builder& b, const LevelOptions& options, ClusterKind kind, Clusters& clusters) {
@@ -281,12 +288,13 @@ void build_levels(Builder& b, const LevelOptions& options, const Topology& topol
         add_samples(b, level, mesh.clusters, mesh.samples);
         if (level > 0) mesh.samples.begin.push_back(static_cast<uint32_t>(mesh.samples.vertex.size()));
         const uint32_t count = static_cast<uint32_t>(b.two_sided.size());
-        if (level == 0 || count >= coarse_start * b.coarse_target) {
+        if (level > 0 && count >= coarse_start * b.coarse_target) {
             b.coarse_triangles = b.simplifier.triangles;
             b.coarse_two_sided = b.two_sided;
         }
         const uint32_t target = static_cast<uint32_t>(float(count) * options.level_ratio);
         if (level + 1 == max_levels || target < options.least_triangles) break;
+        release_clustering(b);
         build_surface_tree(b.simplifier.triangles, b.positions.data(), b.before);
         if (!coarsen(b, target, true)) break;
     }
@@ -296,8 +304,8 @@ void build_levels(Builder& b, const LevelOptions& options, const Topology& topol
 // One mesh of a few hundred triangles, for the quality `paper`.
 void build_coarse(Builder& b, const LevelOptions& options, MeshData& mesh) {
     const auto coarsen_to = [&](uint32_t target) {
-        b.simplifier.triangles = b.coarse_triangles;
-        b.two_sided = b.coarse_two_sided;
+        b.simplifier.triangles = b.coarse_triangles.empty() ? mesh.full_triangles : b.coarse_triangles;
+        b.two_sided = b.coarse_triangles.empty() ? mesh.full_two_sided : b.coarse_two_sided;
         coarsen(b, target, false);
         return static_cast<uint32_t>(b.two_sided.size());
     };

@@ -142,6 +142,16 @@ TEST(Bridges, LevelsTellHowFarTheyBridge) {
         if (bridge.vertex == none) continue;
         ++found;
         const Soup before = soup_of(level_triples(b, c.level[i] - 1u), positions);
+        const std::vector<Triple> own = level_triples(b, c.level[i]);
+        const Triple corner{bridge.corner[0], bridge.corner[1], bridge.corner[2]};
+        EXPECT_NE(std::find(own.begin(), own.end(), corner), own.end()) << "no triangle of its level";
+        EXPECT_EQ(std::count(before.triangles.begin(), before.triangles.end(), bridge.vertex) > 0, true);
+        float sum = 0;
+        for (const float w : bridge.weight) {
+            EXPECT_GE(w, 1.0f / 6 - 1e-6f);
+            sum += w;
+        }
+        EXPECT_NEAR(sum, 1, 1e-6f);
         Vec3d at{};
         for (uint32_t k = 0; k < 3; ++k)
             at = at + to_double(positions[bridge.corner[k]]) * double(bridge.weight[k]);

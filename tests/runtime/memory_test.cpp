@@ -113,13 +113,26 @@ TEST(Memory, FramesAndHistoriesKeepToTheirBounds) {
                 create_history(engine.context, &settings.history).ok()); // one with a frame of its own
             run_frame(engine.context, posed(scene, ids, 0), settings);
             const size_t history = ledger.bytes() - meshes - frame;
+            // The same with backs, in a context of its own: other workers.
+            Ledger of_both;
+            ContextDesc both_desc;
+            both_desc.allocator = of_both.hook();
+            Engine both(both_desc);
+            std::vector<Posed> turned = posed(scene, add_all(both.context, scene), 0);
+            for (Posed& mesh : turned)
+                mesh.back_receives = true;
+            const size_t meshes_of_both = of_both.bytes();
+            run_frame(both.context, turned, quality);
+            const size_t backs = of_both.bytes() - meshes_of_both;
+            EXPECT_LE(backs, frame + 2 * ((quality == Quality::fine ? 46 : 40) << 10));
             const size_t mask = quality_mask_bits(quality) / 8;
             EXPECT_LE(frame, 24 * vertices + 128 * triangles + 2 * (96 << 10));
             EXPECT_LE(history, (160 + mask) * vertices + 192 * triangles + 2 * (32 << 10));
             std::printf(
-                "%s %s: frame %.1f B a triangle, history %.1f B a vertex without masks, %zu and %zu\n", name,
-                quality_name(quality), double(frame) / double(triangles),
-                double(history) / double(vertices) - double(mask), frame, history);
+                "%s %s: frame %.1f B a triangle, history %.1f B a vertex without masks, %zu and %zu; with "
+                "backs %zu more\n",
+                name, quality_name(quality), double(frame) / double(triangles),
+                double(history) / double(vertices) - double(mask), frame, history, backs - frame);
         }
     }
 }
