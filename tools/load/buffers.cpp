@@ -3,7 +3,10 @@
 #include <meshoptimizer.h>
 
 #include <algorithm>
+#include <cfloat>
+#include <cmath>
 #include <cstring>
+#include <limits>
 
 namespace nusselt::load {
 namespace {
@@ -283,6 +286,53 @@ void each_element(const Document& document, const Buffers& buffers, const tinygl
     }
 }
 
+bool is_value(double given, float value) {
+    return std::abs(given) <= double(FLT_MAX) && static_cast<float>(given) == value;
+}
+
+// What the file says of an accessor's values against the values, as floats where they are. Nothing here reads
+// bounds; ones that are wrong say that the file was changed by hand, or damaged. Returns whether they hold.
+bool bounds_hold(const Document& document, const Buffers& buffers, const tinygltf::Accessor& accessor) {
+    const auto components = static_cast<size_t>(component_count(accessor));
+    const bool is_matrix = accessor.type == TINYGLTF_TYPE_MAT2 || accessor.type == TINYGLTF_TYPE_MAT3 ||
+                           accessor.type == TINYGLTF_TYPE_MAT4;
+    const bool has_low = accessor.minValues.size() == components,
+               has_high = accessor.maxValues.size() == components;
+    // Without a view the file has no values, but sparse ones.
+    if (is_matrix || accessor.bufferView < 0 || !(has_low || has_high)) return true;
+    const size_t step = component_bytes(accessor.componentType);
+    float low[4], high[4];
+    std::fill_n(low, 4, std::numeric_limits<float>::infinity());
+    std::fill_n(high, 4, -std::numeric_limits<float>::infinity());
+    each_element(document, buffers, accessor, [&](size_t, const uint8_t* at) {
+        for (size_t k = 0; k < components; ++k) {
+            const float value = to_float(at + k * step, accessor.componentType, false);
+            low[k] = std::min(low[k], value);
+            high[k] = std::max(high[k], value);
+        }
+    });
+    for (size_t k = 0; k < components; ++k) {
+        if ((has_low && !is_value(accessor.minValues[k], low[k])) ||
+            (has_high && !is_value(accessor.maxValues[k], high[k])))
+            return false;
+    }
+    return true;
+}
+
+// Told once a file: a writer that rounds bounds rounds them all.
+void warn_of_bounds(Document& document, const Buffers& buffers) {
+    size_t first = 0, wrong = 0;
+    for (size_t i = document.gltf.accessors.size(); i-- > 0;) {
+        if (bounds_hold(document, buffers, document.gltf.accessors[i])) continue;
+        first = i;
+        ++wrong;
+    }
+    if (wrong == 0) return;
+    warn(document.warnings, "ACCESSOR_BOUNDS",
+         accessor_path(first) + ": its min or max is not what its data has, and so of " +
+             std::to_string(wrong - 1) + " others; they are not read");
+}
+
 } // namespace
 
 int component_count(const tinygltf::Accessor& accessor) {
@@ -359,6 +409,7 @@ Buffers read_buffers(Document& document, const std::string& asset_path, std::spa
     for (size_t i = 0; i < document.gltf.accessors.size(); ++i) {
         check_accessor(document, out, i, zeros);
     }
+    warn_of_bounds(document, out);
     return out;
 }
 

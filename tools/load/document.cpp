@@ -246,7 +246,18 @@ void component_type(const json& in, const std::string& path) {
     }
 }
 
-json copy_accessors(const Copier& copy) {
+// The bounds that a file gives, where they are as many numbers as an element has: buffers.cpp compares them.
+void copy_bounds(const json& in, json& accessor) {
+    for (const char* name : {"min", "max"}) {
+        const auto it = in.find(name);
+        const bool fits =
+            it != in.end() && it->is_array() && it->size() <= 16 &&
+            std::all_of(it->begin(), it->end(), [](const json& value) { return value.is_number(); });
+        if (fits) accessor[name] = *it;
+    }
+}
+
+json copy_accessors(const Copier& copy, Document& document) {
     json out = json::array();
     Copier::each(copy.root, "", "accessors", false, [&](const json& in, const std::string& path) {
         json accessor = json::object();
@@ -260,6 +271,15 @@ json copy_accessors(const Copier& copy) {
         Copier::text(in, accessor, path, "type", true);
         Copier::one_of(accessor, path, "type", {"SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"});
         Copier::flag(in, accessor, path, "normalized");
+        copy_bounds(in, accessor);
+        if (Copier::extension(in, path, "KHR_mesh_quantization")) {
+            warn(document.warnings, "UNEXPECTED_EXTENSION_OBJECT",
+                 path + "/extensions: KHR_mesh_quantization has no properties, ignored");
+        }
+        if (accessor.contains("byteOffset") && !accessor.contains("bufferView")) {
+            warn(document.warnings, "UNSATISFIED_DEPENDENCY",
+                 path + ": an offset and no buffer view, it is all zeros");
+        }
         if (const json* sparse = Copier::object(in, path, "sparse")) {
             const std::string sparse_path = path + "/sparse";
             json& kept = accessor["sparse"];
@@ -358,6 +378,39 @@ struct HeldIndices {
     int accessor;
 };
 
+// Of the format, or an application's own.
+bool is_attribute(const std::string& name) {
+    if (name.starts_with("_")) return true;
+    for (const char* known : {"POSITION", "NORMAL", "TANGENT"}) {
+        if (name == known) return true;
+    }
+    for (const char* known : {"TEXCOORD_", "COLOR_", "JOINTS_", "WEIGHTS_"}) {
+        if (name.starts_with(known)) return true;
+    }
+    return false;
+}
+
+// Attributes that glTF does not know, and targets that move what is not there.
+void warn_of_attributes(const json& primitive, const std::string& path, Document& document) {
+    const json& base = *primitive.find("attributes");
+    const auto tell = [&](const char* code, const std::string& where, const std::string& name,
+                          const char* what) {
+        warn(document.warnings, code, where + "/" + printable(name) + ": " + what);
+    };
+    for (const auto& [name, value] : base.items()) {
+        if (!is_attribute(name))
+            tell("INVALID_ATTRIBUTE", path + "/attributes", name, "no attribute of glTF, ignored");
+    }
+    const auto targets = primitive.find("targets");
+    for (size_t i = 0; targets != primitive.end() && i < targets->size(); ++i) {
+        const std::string target_path = path + "/targets/" + std::to_string(i);
+        for (const auto& [name, value] : (*targets)[i].items()) {
+            if (!base.contains(name))
+                tell("TARGET_WITHOUT_BASE", target_path, name, "the primitive has none to move");
+        }
+    }
+}
+
 json copy_meshes(const Copier& copy, const json& accessors, Document& document,
                  std::vector<HeldIndices>& held) {
     json out = json::array();
@@ -404,9 +457,10 @@ json copy_meshes(const Copier& copy, const json& accessors, Document& document,
                 }
                 primitive["targets"] = std::move(kept);
             }
+            warn_of_attributes(given, primitive_path, document);
             if (Copier::extension(given, primitive_path, "KHR_draco_mesh_compression")) {
-                document.warnings.push_back(primitive_path +
-                                            ": Draco data is not read, its plain copy is used");
+                warn(document.warnings, "DRACO_IGNORED",
+                     primitive_path + ": Draco data is not read, its plain copy is used");
             }
             primitives.push_back(std::move(primitive));
         });
@@ -513,7 +567,28 @@ json copy_scenes(const Copier& copy) {
     return out;
 }
 
-json copy_materials(const Copier& copy) {
+// Textures are not read; a reference that leads nowhere says that the file was damaged.
+void warn_of_texture(const Copier& copy, const json& in, const std::string& in_path, const char* name,
+                     Document& document) {
+    const auto it = in.find(name);
+    if (it == in.end()) return;
+    const std::string path = Copier::below(in_path, name);
+    const auto tell = [&](const char* code, const std::string& what) {
+        warn(document.warnings, code, what + ", textures are not read");
+    };
+    if (!it->is_object()) return tell("TYPE_MISMATCH", path + ": not an object");
+    const auto index = it->find("index");
+    const bool resolved =
+        index != it->end() && index->is_number_unsigned() && index->get<uint64_t>() < copy.size("textures");
+    if (!resolved) tell("INVALID_INDEX", path + "/index: not the number of a texture");
+    for (const char* factor : {"scale", "strength"}) {
+        const auto given = it->find(factor);
+        if (given != it->end() && !given->is_number())
+            tell("TYPE_MISMATCH", Copier::below(path, factor) + ": not a number");
+    }
+}
+
+json copy_materials(const Copier& copy, Document& document) {
     json out = json::array();
     Copier::each(copy.root, "", "materials", false, [&](const json& in, const std::string& path) {
         json material = json::object();
@@ -523,9 +598,13 @@ json copy_materials(const Copier& copy) {
             Copier::numbers(*pbr, kept, pbr_path, "baseColorFactor", 4);
             Copier::number(*pbr, kept, pbr_path, "metallicFactor");
             Copier::number(*pbr, kept, pbr_path, "roughnessFactor");
+            for (const char* texture : {"baseColorTexture", "metallicRoughnessTexture"})
+                warn_of_texture(copy, *pbr, pbr_path, texture, document);
             if (!kept.empty()) material["pbrMetallicRoughness"] = std::move(kept);
         }
         Copier::flag(in, material, path, "doubleSided");
+        for (const char* texture : {"normalTexture", "occlusionTexture", "emissiveTexture"})
+            warn_of_texture(copy, in, path, texture, document);
         out.push_back(std::move(material));
     });
     return out;
@@ -577,9 +656,22 @@ json copy_asset(const Copier& copy, std::vector<std::string>& warnings) {
              export_again);
     }
     if (least != "2.0") {
-        warnings.push_back("made for readers of glTF " + printable(least, 12) + ": parts may be missing");
+        warn(warnings, "LATER_VERSION",
+             "made for readers of glTF " + printable(least, 12) + ": parts may be missing");
     }
     return asset;
+}
+
+// Readers that don't know it would take the integers for positions.
+void warn_of_quantization(const std::vector<std::string>& used, const std::vector<std::string>& required,
+                          Document& document) {
+    const auto names_it = [](const std::vector<std::string>& all) {
+        return std::find(all.begin(), all.end(), "KHR_mesh_quantization") != all.end();
+    };
+    if (names_it(used) && !names_it(required)) {
+        warn(document.warnings, "NON_REQUIRED_EXTENSION",
+             "/extensionsRequired: KHR_mesh_quantization is used and not required");
+    }
 }
 
 } // namespace
@@ -615,12 +707,14 @@ Document read_document(std::string_view text, const LoadLimits& limits) {
         }
     }
     for (const std::string& name : used) {
-        if (!supported(name)) document.warnings.push_back("extension " + printable(name) + " is ignored");
+        if (!supported(name))
+            warn(document.warnings, "EXTENSION_IGNORED", "extension " + printable(name) + " is ignored");
     }
-    reduced["accessors"] = copy_accessors(copy);
+    warn_of_quantization(used, names(root, "extensionsRequired"), document);
+    reduced["accessors"] = copy_accessors(copy, document);
     reduced["bufferViews"] = copy_buffer_views(copy, document);
     copy_buffers(copy, document);
-    reduced["materials"] = copy_materials(copy);
+    reduced["materials"] = copy_materials(copy, document);
     std::vector<HeldIndices> held;
     reduced["meshes"] = copy_meshes(copy, reduced["accessors"], document, held);
     reduced["nodes"] = copy_nodes(copy);

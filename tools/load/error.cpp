@@ -2,6 +2,12 @@
 
 namespace nusselt::load {
 
+void warn(std::vector<std::string>& warnings, const char* code, const std::string& text) {
+    constexpr size_t most = 32;
+    if (warnings.size() < most) warnings.push_back(text + " [" + code + "]");
+    if (warnings.size() == most) warnings.push_back("and more of the kind [MORE_WARNINGS]");
+}
+
 const char* const export_again = "export it again";
 const char* const file_incomplete = "the file is incomplete, fetch it again";
 

@@ -26,11 +26,7 @@ struct Reader {
     const tinygltf::Accessor& accessor(int index) const {
         return document.gltf.accessors[static_cast<size_t>(index)];
     }
-    void warn(const std::string& text) {
-        constexpr size_t most = 32; // a file with a problem in every primitive says it 32 times
-        if (model.warnings.size() < most) model.warnings.push_back(text);
-        if (model.warnings.size() == most) model.warnings.push_back("and more of the kind");
-    }
+    void warn(const char* code, const std::string& text) { load::warn(model.warnings, code, text); }
 };
 
 uint32_t little(const Bytes& file, size_t at) {
@@ -57,8 +53,8 @@ Chunks split_glb(const Bytes& file, std::vector<std::string>& warnings) {
              file_incomplete);
     }
     if (length < file.size()) {
-        warnings.push_back(std::to_string(file.size() - length) +
-                           " bytes after the end of the GLB are ignored");
+        warn(warnings, "GLB_TRAILING_DATA",
+             std::to_string(file.size() - length) + " bytes after the end of the GLB are ignored");
     }
     Chunks chunks;
     bool first = true;
@@ -130,7 +126,7 @@ void read_nodes(Reader& reader, Rig& rig) {
             const glm::dquat q(given.rotation[3], given.rotation[0], given.rotation[1], given.rotation[2]);
             const double length = glm::length(q);
             if (!(std::abs(length - 1) < 1e-3))
-                reader.warn(path + "/rotation: not a unit quaternion, normalised");
+                reader.warn("ROTATION_NON_UNIT", path + "/rotation: not a unit quaternion, normalised");
             node.rotation = length > 0 && std::isfinite(length) ? q / length : glm::dquat(1.0, 0.0, 0.0, 0.0);
         }
     }
@@ -206,7 +202,7 @@ std::vector<glm::vec3> read_vectors(Reader& reader, int index, size_t count, con
              export_again);
     }
     if (!is_float(accessor) && !reader.quantized) {
-        reader.warn(path + ": integers, and KHR_mesh_quantization is not named");
+        reader.warn("QUANTIZATION_NOT_NAMED", path + ": integers, and KHR_mesh_quantization is not named");
     }
     const std::vector<float> values = read_floats(reader.document, reader.buffers, index);
     std::vector<glm::vec3> out(count);
@@ -275,8 +271,8 @@ std::vector<uint32_t> read_triangles(Reader& reader, const tinygltf::Primitive& 
 
     if (primitive.mode == TINYGLTF_MODE_TRIANGLES) {
         if (corners.size() % 3 != 0) {
-            reader.warn(path + ": " + std::to_string(corners.size()) +
-                        " corners, the last triangle is incomplete");
+            reader.warn("INCOMPLETE_TRIANGLE", path + ": " + std::to_string(corners.size()) +
+                                                   " corners, the last triangle is incomplete");
             corners.resize(corners.size() / 3 * 3);
         }
         return corners;
@@ -392,9 +388,11 @@ void read_influences(Reader& reader, const tinygltf::Primitive& primitive, Sourc
         }
     }
     if (negative > 0)
-        reader.warn(path + ": " + std::to_string(negative) + " negative weights are taken as 0");
+        reader.warn("NEGATIVE_WEIGHTS",
+                    path + ": " + std::to_string(negative) + " negative weights are taken as 0");
     if (weightless > 0) {
-        reader.warn(path + ": " + std::to_string(weightless) + " vertices without weights follow their node");
+        reader.warn("NO_WEIGHTS",
+                    path + ": " + std::to_string(weightless) + " vertices without weights follow their node");
     }
 }
 
@@ -430,9 +428,11 @@ Block read_block(Reader& reader, const tinygltf::Primitive& primitive, Source& s
             source.normal_missing[block.begin + i] = 0;
         }
         if (bad > 0)
-            reader.warn(attributes + "NORMAL: " + std::to_string(bad) + " of no direction are computed");
+            reader.warn("NORMAL_ZERO",
+                        attributes + "NORMAL: " + std::to_string(bad) + " of no direction are computed");
         if (skewed > 0)
-            reader.warn(attributes + "NORMAL: " + std::to_string(skewed) + " not of unit length, normalised");
+            reader.warn("NORMAL_NON_UNIT",
+                        attributes + "NORMAL: " + std::to_string(skewed) + " not of unit length, normalised");
     }
 
     if (const int colour = attribute(primitive.attributes, "COLOR_0"); colour >= 0) {
@@ -447,7 +447,7 @@ Block read_block(Reader& reader, const tinygltf::Primitive& primitive, Source& s
                 block.colour.emplace_back(values[width * i], values[width * i + 1], values[width * i + 2]);
             }
         } else {
-            reader.warn(attributes + "COLOR_0: not a colour a vertex, ignored");
+            reader.warn("COLOR_FORMAT", attributes + "COLOR_0: not a colour a vertex, ignored");
         }
     }
     source.albedo.resize(source.positions.size(), glm::vec3(1.0f));
@@ -518,15 +518,18 @@ Source read_mesh(Reader& reader, size_t mesh_index) {
         const bool second = attribute(primitive.attributes, "JOINTS_1") >= 0;
         source.influences = std::max(source.influences, second ? 8u : first ? 4u : 0u);
         if (attribute(primitive.attributes, "JOINTS_2") >= 0) {
-            reader.warn(mesh_path + ": more than 8 influences a vertex, the first 8 are used");
+            reader.warn("TOO_MANY_INFLUENCES",
+                        mesh_path + ": more than 8 influences a vertex, the first 8 are used");
         }
     }
-    if (uneven) reader.warn(mesh_path + ": primitives with fewer morph targets than others stay as they are");
+    if (uneven)
+        reader.warn("UNEQUAL_TARGETS",
+                    mesh_path + ": primitives with fewer morph targets than others stay as they are");
     source.targets.resize(targets);
     source.target_weights.assign(mesh.weights.begin(), mesh.weights.end());
     if (!mesh.weights.empty() && mesh.weights.size() != targets) {
-        reader.warn(mesh_path + "/weights: " + std::to_string(mesh.weights.size()) + " for " +
-                    std::to_string(targets) + " morph targets");
+        reader.warn("WEIGHTS_COUNT", mesh_path + "/weights: " + std::to_string(mesh.weights.size()) +
+                                         " for " + std::to_string(targets) + " morph targets");
     }
     source.target_weights.resize(targets, 0.0f);
 
@@ -535,11 +538,11 @@ Source read_mesh(Reader& reader, size_t mesh_index) {
         const tinygltf::Primitive& primitive = mesh.primitives[p];
         const std::string path = mesh_path + "/primitives/" + std::to_string(p);
         if (primitive.mode < TINYGLTF_MODE_TRIANGLES) {
-            reader.warn(path + ": points and lines are not drawn");
+            reader.warn("POINTS_OR_LINES", path + ": points and lines are not drawn");
             continue;
         }
         if (attribute(primitive.attributes, "POSITION") < 0) {
-            reader.warn(path + ": no positions, not drawn");
+            reader.warn("NO_POSITIONS", path + ": no positions, not drawn");
             continue;
         }
         std::vector<std::map<std::string, int>> key = primitive.targets;
@@ -645,7 +648,7 @@ std::vector<float> read_times(Reader& reader, int index, const std::string& path
         }
         repeated = repeated || (k > 0 && times[k] == times[k - 1]);
     }
-    if (repeated) reader.warn(path + ": two keys at one time, the later one counts");
+    if (repeated) reader.warn("REPEATED_KEY", path + ": two keys at one time, the later one counts");
     return times;
 }
 
@@ -715,11 +718,12 @@ void read_animations(Reader& reader, Rig& rig) {
                                      animation.samplers[static_cast<size_t>(channel.sampler)], sampler_path);
             paths.insert(channel.target_path);
             if (!moved.emplace(channel.target_node, channel.target_path).second) {
-                reader.warn(path + ": node " + std::to_string(channel.target_node) +
-                            " has two channels for its " + channel.target_path + ", the last one counts");
+                reader.warn("REPEATED_CHANNEL", path + ": node " + std::to_string(channel.target_node) +
+                                                    " has two channels for its " + channel.target_path +
+                                                    ", the last one counts");
             }
             if (track.times.empty()) {
-                reader.warn(path + ": weights for a node without morph targets");
+                reader.warn("NO_TARGETS", path + ": weights for a node without morph targets");
                 continue;
             }
             clip.duration = std::max(clip.duration, static_cast<double>(track.times.back()));
@@ -731,7 +735,7 @@ void read_animations(Reader& reader, Rig& rig) {
             if (!times.empty()) clip.duration = std::max(clip.duration, static_cast<double>(times.back()));
         }
         if (!reader.document.pointer_inputs[a].empty()) {
-            reader.warn(path + ": channels of KHR_animation_pointer are not played");
+            reader.warn("ANIMATION_POINTER", path + ": channels of KHR_animation_pointer are not played");
         }
         described.duration = clip.duration;
         described.paths.assign(paths.begin(), paths.end());
@@ -771,14 +775,43 @@ struct Drawn {
     size_t mesh;
 };
 
+// Joints that glTF forbids and that pose a mesh all the same: of a scene that does not draw them, or of trees
+// with nothing in common. `root`: of each node's tree.
+void warn_of_joints(Reader& reader, int node, const std::vector<uint8_t>& reachable,
+                    const std::vector<int>& root) {
+    const tinygltf::Model& gltf = reader.document.gltf;
+    const int skin = gltf.nodes[static_cast<size_t>(node)].skin;
+    if (skin < 0) return;
+    const std::vector<int>& joints = gltf.skins[static_cast<size_t>(skin)].joints;
+    for (const int joint : joints) {
+        if (reachable[static_cast<size_t>(joint)]) continue;
+        reader.warn("NODE_SKIN_NO_SCENE", "/nodes/" + std::to_string(node) + "/skin: joint node " +
+                                              std::to_string(joint) + " is not in the scene, it counts");
+        break;
+    }
+    for (const int joint : joints) {
+        if (root[static_cast<size_t>(joint)] == root[static_cast<size_t>(joints[0])]) continue;
+        reader.warn("SKIN_NO_COMMON_ROOT", "/skins/" + std::to_string(skin) + "/joints: nodes " +
+                                               std::to_string(joints[0]) + " and " + std::to_string(joint) +
+                                               " have no common root, each follows its own");
+        break;
+    }
+}
+
 // The nodes that draw, and a proof that what they draw together is within limits.
-std::vector<Drawn> drawn_nodes(Reader& reader) {
+std::vector<Drawn> drawn_nodes(Reader& reader, const Rig& rig) {
     const tinygltf::Model& gltf = reader.document.gltf;
     std::vector<Drawn> drawn;
     const std::vector<uint8_t> reachable = reachable_nodes(reader);
+    std::vector<int> root(gltf.nodes.size());
+    for (const int n : rig.order) { // parents come first
+        const int parent = rig.nodes[static_cast<size_t>(n)].parent;
+        root[static_cast<size_t>(n)] = parent < 0 ? n : root[static_cast<size_t>(parent)];
+    }
     for (size_t n = 0; n < gltf.nodes.size(); ++n) {
         if (reachable[n] && gltf.nodes[n].mesh >= 0) {
             drawn.push_back({static_cast<int>(n), static_cast<size_t>(gltf.nodes[n].mesh)});
+            warn_of_joints(reader, static_cast<int>(n), reachable, root);
         }
     }
     uint64_t vertices = 0, triangles = 0;
@@ -817,14 +850,14 @@ Model read_gltf(const std::string& path, Bytes file, const LoadLimits& limits) {
     }
     Reader reader{read_document(chunks.json, limits), {}, limits, model};
     if (!binary) file = Bytes(); // the document has its own copy
+    reader.buffers = read_buffers(reader.document, path, chunks.binary, limits);
     model.warnings.insert(model.warnings.end(), reader.document.warnings.begin(),
                           reader.document.warnings.end());
-    reader.buffers = read_buffers(reader.document, path, chunks.binary, limits);
     tinygltf::Model& gltf = reader.document.gltf;
     reader.quantized =
         std::count(gltf.extensionsUsed.begin(), gltf.extensionsUsed.end(), "KHR_mesh_quantization") > 0;
     if (gltf.nodes.empty() && !gltf.meshes.empty()) {
-        reader.warn("no nodes: each mesh is drawn once, where it is");
+        reader.warn("NO_NODES", "no nodes: each mesh is drawn once, where it is");
         gltf.nodes.resize(gltf.meshes.size());
         for (size_t m = 0; m < gltf.meshes.size(); ++m) {
             gltf.nodes[m].mesh = static_cast<int>(m);
@@ -837,7 +870,7 @@ Model read_gltf(const std::string& path, Bytes file, const LoadLimits& limits) {
     read_nodes(reader, *rig);
     read_skins(reader, *rig);
     std::map<size_t, size_t> sources; // mesh to source
-    const std::vector<Drawn> drawn = drawn_nodes(reader);
+    const std::vector<Drawn> drawn = drawn_nodes(reader, *rig);
     for (const Drawn& d : drawn) {
         if (sources.try_emplace(d.mesh, rig->sources.size()).second)
             rig->sources.push_back(read_mesh(reader, d.mesh));
@@ -865,8 +898,8 @@ Model read_gltf(const std::string& path, Bytes file, const LoadLimits& limits) {
                  export_again);
         }
         if (node.skin >= 0 && source.influences == 0) {
-            reader.warn("/nodes/" + std::to_string(d.node) +
-                        "/skin: its mesh has no joints, it follows the node");
+            reader.warn("NO_JOINTS", "/nodes/" + std::to_string(d.node) +
+                                         "/skin: its mesh has no joints, it follows the node");
         }
         std::string name = clean_name(node.name);
         if (name.empty()) name = clean_name(gltf.meshes[d.mesh].name);

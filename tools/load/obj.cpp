@@ -98,7 +98,7 @@ void read_materials(const std::string& path, const std::string& name, Materials&
             }
         });
     } catch (const LoadError& error) {
-        model.warnings.push_back("materials are white: " + error.what);
+        warn(model.warnings, "MATERIALS_IGNORED", "materials are white: " + error.what);
     }
 }
 
@@ -246,8 +246,8 @@ Model read_obj(const std::string& path, Bytes file, const LoadLimits& limits) {
         }
     });
     if (short_faces > 0) {
-        model.warnings.push_back(std::to_string(short_faces) +
-                                 " faces with fewer than 3 corners are left out");
+        warn(model.warnings, "SHORT_FACE",
+             std::to_string(short_faces) + " faces with fewer than 3 corners are left out");
     }
 
     const auto given = static_cast<uint32_t>(source.positions.size());

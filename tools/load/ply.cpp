@@ -373,8 +373,8 @@ Model read_ply(const std::string& path, Bytes file, const LoadLimits& limits) {
         }
     }
     if (short_faces > 0) {
-        model.warnings.push_back(std::to_string(short_faces) +
-                                 " faces with fewer than 3 corners are left out");
+        warn(model.warnings, "SHORT_FACE",
+             std::to_string(short_faces) + " faces with fewer than 3 corners are left out");
     }
     source.indices.reserve(corners.size());
     for (size_t i = 0; i < corners.size(); ++i) {
