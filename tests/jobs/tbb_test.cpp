@@ -241,7 +241,7 @@ TEST_F(Tbb, MadeAndDestroyedOften) {
     }
 }
 
-#if !defined(__SANITIZE_THREAD__) && !defined(__SANITIZE_ADDRESS__)
+#if !defined(NUSSELT_SANITIZED)
 // A forked child has no TBB workers; the thread that waits does all.
 TEST_F(Tbb, AfterFork) {
     run_frames(executor, 20);

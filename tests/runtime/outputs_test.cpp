@@ -428,8 +428,7 @@ TEST(Outputs, ThroughTheCInterface) {
     EXPECT_EQ(ours, theirs);
 }
 
-#if defined(__x86_64__) && defined(__linux__) && !defined(__SANITIZE_ADDRESS__) &&                           \
-    !defined(__SANITIZE_THREAD__)
+#if defined(__x86_64__) && defined(__linux__) && !defined(NUSSELT_SANITIZED)
 
 // Memory that faults at every access; the processor says which kind it was, and the access is let through by
 // a single step.

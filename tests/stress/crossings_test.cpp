@@ -276,7 +276,8 @@ TEST(Crossings, OfBoxesOnALattice) {
     for (uint64_t i = 0; i < stress_cases() / 2 && sum.wrong < 20; ++i) {
         Random random(stress_seed() * 1000003 + i + (11u << 20));
         Soup soup;
-        for (uint32_t box = 0; box < 1 + random.below(6); ++box) {
+        const uint32_t boxes = 1 + random.below(6);
+        for (uint32_t box = 0; box < boxes; ++box) {
             const auto first = uint32_t(soup.points.size());
             float low[3], high[3];
             for (size_t k = 0; k < 3; ++k) {

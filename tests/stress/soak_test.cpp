@@ -181,6 +181,25 @@ TEST(Soak, NothingGrowsAndNothingDrifts) {
             }
             return out;
         };
+        // In turns of a hundred frames: a quarter without a history, a quarter with a budget of next to
+        // nothing, which leaves most of a frame to later ones, and after each of these a quarter with the
+        // history alone.
+        enum class Kind { plain, history, budget, caught_up };
+        HistoryId history;
+        ASSERT_TRUE(create_history(engine.context, &history).ok());
+        const float origin[3] = {}; // a history keeps nothing where the origin moves
+        const auto kind_of = [](uint32_t frame) { return Kind(frame / 25 % 4); };
+        const auto settings_of = [&](Kind kind) {
+            FrameDesc settings;
+            settings.origin = origin;
+            if (kind != Kind::plain) settings.history = history;
+            if (kind == Kind::budget) settings.budget_us = 10;
+            return settings;
+        };
+        uint64_t reused = 0, stale = 0, compared = 0;
+        double receivers = 0;
+        for (const scenes::Mesh& mesh : scene.meshes)
+            receivers += double(mesh.rest_positions.size());
         const uint32_t warm = std::min(500u, frames / 4), window = std::max(1u, frames / 10);
         for (uint32_t frame = 0; frame < frames; ++frame) {
             if (frame == warm) {
@@ -195,27 +214,41 @@ TEST(Soak, NothingGrowsAndNothingDrifts) {
                 ids[2] = add(engine.context, scene.meshes[2]);
             }
             const std::vector<Posed> posed = pose(frame);
-            const Outputs out = run_frame(engine.context, posed);
+            const Kind kind = kind_of(frame);
+            const Outputs out = run_frame(engine.context, posed, settings_of(kind));
+            reused += out.stats.receivers_reused;
+            stale += out.stats.receivers_stale;
+            ASSERT_TRUE(kind == Kind::budget || out.stats.receivers_stale == 0) << "frame " << frame;
             if (frame >= warm && frame < warm + window) first_ms += out.stats.cpu_ms;
             if (frame >= frames - window) last_ms += out.stats.cpu_ms;
-            if (frame % 500 == 499 || frame + 1 == frames) {
+            if (kind == Kind::budget) continue;
+            // The first of its kind, the last of its kind, and the first after a budget.
+            if (frame % 500 == 24 || frame % 500 == 249 || frame % 500 == 475 || frame + 1 == frames) {
+                ++compared;
                 Engine cold;
                 std::vector<Posed> again = posed;
                 for (size_t m = 0; m < again.size(); ++m)
                     again[m].mesh = add(cold.context, scene.meshes[m]);
-                const Outputs fresh = run_frame(cold.context, again);
+                const Outputs fresh = run_frame(cold.context, again, settings_of(Kind::plain));
                 ASSERT_EQ(fresh, out) << "frame " << frame;
+                if (kind != Kind::plain) continue;
                 ASSERT_EQ(fresh.stats.clusters_tested, out.stats.clusters_tested) << "frame " << frame;
                 ASSERT_EQ(fresh.stats.triangles_considered, out.stats.triangles_considered);
             }
         }
         const double grown = resident_kilobytes() - before;
         figure("soak: frames", frames, "");
+        figure("soak: frames of these compared with a cold start", double(compared), "");
+        figure("soak: results that the history kept", 100 * double(reused) / double(frames) / receivers, "%");
+        figure("soak: results that the budget left to later frames",
+               100 * double(stale) / double(frames) / receivers, "%");
+        EXPECT_GT(reused, 0u);
+        EXPECT_GT(stale, 0u);
         figure("soak: resident memory gained per 1,000 frames after warming up",
                grown / std::max(0.001, double(frames - warm) / 1000), "KB");
         figure("soak: processor time of the last tenth against the first", last_ms / first_ms, "times");
         // Cold contexts in between move the heap a little, once; a sanitizer's own records more.
-#if defined(__SANITIZE_THREAD__) || defined(__SANITIZE_ADDRESS__)
+#if defined(NUSSELT_SANITIZED)
         constexpr double once = 8192;
 #else
         constexpr double once = 512;
@@ -235,6 +268,7 @@ TEST(Soak, NothingGrowsAndNothingDrifts) {
             old_ms = std::min(old_ms, run_frame(engine.context, here).stats.cpu_ms);
             new_ms = std::min(new_ms, run_frame(fresh.context, there).stats.cpu_ms);
         }
+        EXPECT_TRUE(remove_history(engine.context, history).ok());
         figure("soak: processor time of a frame in the old context against a new one, least", old_ms / new_ms,
                "times");
         EXPECT_LE(old_ms, 1.15 * new_ms);

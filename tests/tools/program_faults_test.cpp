@@ -24,10 +24,6 @@
 #include <thread>
 #include <unistd.h>
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define NUSSELT_SANITIZED 1
-#endif
-
 namespace nusselt::tools {
 namespace {
 

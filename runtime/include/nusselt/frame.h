@@ -123,10 +123,11 @@ struct FrameDesc {
     VisibleSet* record = nullptr;
     uint32_t visible_segment = 0;
     Falloff falloff = {}; // not with quality `paper`, a history, glossy or direct outputs
-    // Where at most one in 16 of a mask's samples is open, these are decided by the triangles themselves:
-    // planes rounded to the table leave a few open around vertices, which inside a closed surface is light
-    // from nowhere. For rooms and machines whose inside is seen; a few percent of the time, more where leaves
-    // or hair leave a few samples truly open. Not with quality `paper` or a falloff.
+    // Where at most one in 16 of a mask's samples is open, these are decided by the triangles themselves, one
+    // after the other until one is truly open: planes rounded to the table leave a few open around vertices,
+    // which inside a closed surface is light from nowhere. For rooms and machines whose inside is seen; some
+    // percent of the time, half as much again where many receivers are nearly dark. Not with quality `paper`
+    // or a falloff.
     bool watertight = false;
 };
 
