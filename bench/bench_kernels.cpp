@@ -4,6 +4,7 @@
 #include "bench/machine.h"
 #include "bench/program.h"
 #include "bench/recording.h"
+#include "kernels/fading.h"
 #include "kernels/light.h"
 #include "kernels/outputs.h"
 #include "nusselt/version.h"
@@ -186,6 +187,87 @@ void clusters(State& state, const Kernels& k, Recording& r) {
         kernels.cluster_jobs(r.batches[r.pairs[i].batch], r.frame->views[r.pairs[i].cluster], points,
                              r.tables->layout, r.tables->horizon, *scratch, list, counters);
     });
+}
+
+Set set_of(const Kernels& k) {
+    uint32_t set = 0;
+    while (kernels_for(Set(set)) != &k)
+        ++set;
+    return Set(set);
+}
+
+// A fade in the midst of a hand, where most triangles are hidden in part: what is dearest.
+constexpr Fade midst{0.1f, 0.3f, 5};
+
+struct FadingList {
+    Jobs jobs;
+    Aligned<float> inverse[3];
+    FadingJobs list() { return {jobs.list(), {inverse[0].data(), inverse[1].data(), inverse[2].data()}}; }
+    void reserve(size_t capacity) {
+        jobs.reserve(capacity);
+        for (Aligned<float>& row : inverse)
+            row.resize(capacity + 16);
+    }
+};
+
+void fading_clusters(State& state, const Kernels& k, Recording& r) {
+    const float* points = r.frame->points.data() + 4 * size_t(r.frame->meshes[0].first_point);
+    const auto scratch = std::make_unique<ClusterScratch>();
+    Counters counters{};
+    FadingList out;
+    out.reserve(jobs_per_cluster + 64);
+    uint32_t in_part = 0;
+    const auto triangles = [&](size_t i) {
+        return double(r.frame->views[r.pairs[i].cluster].triangle_count) * lanes;
+    };
+    time_jobs(state, k, r.pairs.size(), triangles, [&](const Kernels& kernels, size_t i, JobList& list) {
+        FadingJobs fading = out.list();
+        kernels.fading_cluster_jobs(r.batches[r.pairs[i].batch], r.frame->views[r.pairs[i].cluster], points,
+                                    r.tables->layout, r.tables->horizon, midst, *scratch, list, fading,
+                                    counters);
+        in_part += fading.list.count;
+    });
+    if (in_part == 0) state.SkipWithError("nothing fades");
+}
+
+void run_fading(State& state, const Kernels& k, Recording& r) {
+    const Tables& tables = *r.tables;
+    const Kernels& scalar = *kernels_for(Set::scalar);
+    const FadingKernels& ours = *fading_kernels_for(set_of(k));
+    const float* points = r.frame->points.data() + 4 * size_t(r.frame->meshes[0].first_point);
+    const auto scratch = std::make_unique<ClusterScratch>();
+    Counters counters{};
+    std::vector<FadingList> lists(r.pairs.size());
+    Jobs whole;
+    whole.reserve(jobs_per_cluster + 64);
+    Aligned<float> directions(fade_directions_size(tables.layout));
+    build_fade_directions(tables.layout, directions.data());
+    const size_t samples = size_t{lanes} * mask_bits(tables.layout);
+    Aligned<uint8_t> bytes[2] = {Aligned<uint8_t>(samples), Aligned<uint8_t>(samples)};
+    Aligned<uint64_t> words[2] = {Aligned<uint64_t>(samples / 1024), Aligned<uint64_t>(samples / 1024)};
+    const Aligned<uint8_t> masks(samples / 8);
+    for (size_t i = 0; i < lists.size(); ++i) {
+        lists[i].reserve(jobs_per_cluster + 64);
+        JobList unused = whole.list();
+        FadingJobs fading = lists[i].list();
+        scalar.fading_cluster_jobs(r.batches[r.pairs[i].batch], r.frame->views[r.pairs[i].cluster], points,
+                                   tables.layout, tables.horizon, midst, *scratch, unused, fading, counters);
+        lists[i].jobs.count = fading.list.count;
+        for (uint32_t which = 0; which < 2; ++which) {
+            FadingParts parts{bytes[which].data(), words[which].data()};
+            FadingJobs again = lists[i].list();
+            (which ? *fading_kernels_for(Set::scalar) : ours)
+                .run_jobs(tables, directions.data(), midst, again, masks.data(), parts);
+        }
+        if (!same(bytes[0].data(), bytes[1].data(), samples)) return state.SkipWithError(wrong);
+    }
+    const auto once = [&](size_t i) {
+        FadingParts parts{bytes[0].data(), words[0].data()};
+        FadingJobs again = lists[i].list();
+        ours.run_jobs(tables, directions.data(), midst, again, masks.data(), parts);
+    };
+    replay(state, k,
+           {.inputs = lists.size(), .run = once, .items = [&](size_t i) { return lists[i].jobs.count; }});
 }
 
 void triangles(State& state, const Kernels& k, Recording& r) {
@@ -382,13 +464,6 @@ void add(const std::string& name, std::function<void(State&)> body) {
     });
 }
 
-Set set_of(const Kernels& k) {
-    uint32_t set = 0;
-    while (kernels_for(Set(set)) != &k)
-        ++set;
-    return Set(set);
-}
-
 // One stream of transfer vectors.
 void encode(State& state, const Kernels& k, Recording& r, Format format) {
     const Encoding encoding{Quantity::transfer, format, 5, {1, 1, 1, 1, 1}};
@@ -515,6 +590,8 @@ void register_all() {
         {"select_clusters/hand", standard(select)},
         {"cluster_jobs/standard", standard(clusters)},
         {"cluster_jobs/fine", fine(clusters)},
+        {"fading_cluster_jobs/standard", standard(fading_clusters)},
+        {"run_fading_jobs/standard", standard(run_fading)},
         {"triangle_jobs/hand", standard(triangles)},
         {"fan_jobs/hand", standard(fans)},
         {"run_jobs/standard", standard(lists)},

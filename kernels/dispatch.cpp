@@ -70,6 +70,11 @@ const OutputKernels* output_kernels_for(Set set) {
     return runs(set) ? simd_output_kernels(set) : nullptr;
 }
 
+const FadingKernels* fading_kernels_for(Set set) {
+    if (set == Set::scalar) return &reference_fading_kernels;
+    return runs(set) ? simd_fading_kernels(set) : nullptr;
+}
+
 const LightKernels* light_kernels_for(Set set) {
     if (set == Set::scalar) return &reference_light_kernels;
     return runs(set) ? simd_light_kernels(set) : nullptr;

@@ -70,9 +70,8 @@ struct ClusterView {
     // Band of distances: a triangle is in it where its nearest corner is below `farthest` and its farthest
     // (of a cluster that blocks from both sides: its middle one) is not below `nearest`, so that levels
     // overlap. A large triangle may pass right over a receiver that is far from all its corners, where the
-    // coarser level leaves it out: each is drawn to twice its own radius at least, but not beyond
-    // `outermost`.
-    float nearest, farthest, outermost;
+    // coarser level leaves it out: each is drawn to twice its own radius at least.
+    float nearest, farthest;
 };
 constexpr uint32_t triangle_slots(uint32_t triangles) {
     return (triangles + 15) / 16 * 16;
@@ -130,6 +129,20 @@ struct alignas(64) ClusterScratch {
     // Where both sides are asked for: as `reach` (the first two) and `entry`, for receivers that look behind.
     uint32_t behind[cluster_vertices];
     uint32_t entry_behind[cluster_edges][lanes];
+    uint32_t near[cluster_vertices]; // one bit a lane: nearer than where a fade begins
+};
+
+// Blockers hide all up to distance `from`, nothing from `to` on, in between as a smooth step falls.
+struct Fade {
+    float from, to;
+    float steepness; // one over their difference, 1e30 at most
+};
+
+// Half masks of which each sample is hidden in part: those of a JobList, and the triangle's plane as the
+// receiver has it in its tangent frame. In the unit direction d it is 1 / (inverse . d) away.
+struct FadingJobs {
+    JobList list;
+    float* inverse[3];
 };
 
 // Adds the jobs of a cluster: transforms its vertices to each receiver's tangent frame, culls triangles by
@@ -146,6 +159,13 @@ using ClusterJobs = void (*)(const Batch& batch, const ClusterView& cluster, con
 using BothSidesJobs = void (*)(const Batch& batch, const Batch& behind, const ClusterView& cluster,
                                const float* points, const MaskLayout& layout, float horizon,
                                ClusterScratch& scratch, JobList& jobs, Counters& counters);
+
+// As ClusterJobs, but for what a fade does: triangles that lie before its beginning are `jobs`, those that
+// end behind it `fading`, and those that lie beyond its end neither. Layouts with an octahedral table only.
+using FadingClusterJobs = void (*)(const Batch& batch, const ClusterView& cluster, const float* points,
+                                   const MaskLayout& layout, float horizon, const Fade& fade,
+                                   ClusterScratch& scratch, JobList& jobs, FadingJobs& fading,
+                                   Counters& counters);
 
 // Adds the jobs of one triangle a lane (corners[corner][axis][lane], frame space; `active` bit a lane).
 // `two_sided` bit a lane. As ClusterJobs otherwise.
@@ -192,6 +212,7 @@ struct Kernels {
     SelectClusters select_clusters;
     ClusterJobs cluster_jobs;
     BothSidesJobs both_sides_jobs;
+    FadingClusterJobs fading_cluster_jobs;
     TriangleJobs triangle_jobs;
     FanJobs fan_jobs;
     SelectAlong select_along;

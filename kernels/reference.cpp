@@ -148,9 +148,35 @@ void count_crossings(const Rays& rays, const ClusterView& cluster, const float* 
     }
 }
 
-void cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* points,
-                  const MaskLayout& layout, float horizon, ClusterScratch&, JobList& jobs,
-                  Counters& counters) {
+// One over the distance of a plane along a direction is the direction times this. `normal` and `height`: of
+// the plane, and of the receiver over it.
+Vec inverse_distance(const Batch& batch, uint32_t lane, const float normal[3], float height) {
+    const float scale = -1 / height;
+    float r[3];
+    for (uint32_t row = 0; row < 3; ++row)
+        r[row] = (batch.axis[row][0][lane] * normal[0] + batch.axis[row][1][lane] * normal[1] +
+                  batch.axis[row][2][lane] * normal[2]) *
+                 scale;
+    return {r[0], r[1], r[2]};
+}
+
+void add_fading_jobs(const MaskLayout& layout, const uint32_t entry[3][lanes], const Vec corner[3][lanes],
+                     const Vec inverse[lanes], uint32_t active, FadingJobs& jobs) {
+    for (uint32_t lane = 0; lane < lanes; ++lane) {
+        const uint32_t first = jobs.list.count;
+        add_jobs(layout, entry, corner, active & 1u << lane, jobs.list);
+        for (uint32_t j = first; j < jobs.list.count; ++j) {
+            jobs.inverse[0][j] = inverse[lane].x;
+            jobs.inverse[1][j] = inverse[lane].y;
+            jobs.inverse[2][j] = inverse[lane].z;
+        }
+    }
+}
+
+// `fade` null: `jobs` alone.
+void fade_cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* points,
+                       const MaskLayout& layout, float horizon, const Fade* fade, JobList& jobs,
+                       FadingJobs* fading, Counters& counters) {
     float margin[lanes];
     Horizon towards[lanes];
     for (uint32_t lane = 0; lane < lanes; ++lane) {
@@ -166,7 +192,8 @@ void cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* p
                                 cluster.bounds[3 * slots + t]};
         uint32_t entry[3][lanes];
         Vec corner[3][lanes];
-        uint32_t active = 0, touching = 0;
+        Vec inverse[lanes];
+        uint32_t active = 0, touching = 0, in_part = 0;
         for (uint32_t lane = 0; lane < lanes; ++lane) {
             if (!(batch.valid >> lane & 1)) continue;
             const float height = plane[0] * batch.position[0][lane] + plane[1] * batch.position[1][lane] +
@@ -174,6 +201,7 @@ void cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* p
             const bool front = height > margin[lane], back = cluster.two_sided && height < -margin[lane];
             if (cluster.full && std::fabs(height) <= margin[lane]) touching |= 1u << lane;
             if (!front && !back) continue;
+            if (fade && is_beyond(*fade, batch, lane, cluster, t, height)) continue;
             for (uint32_t k = 0; k < 3; ++k) {
                 const float* p = points + 4 * cluster.vertices[triangle[k]];
                 corner[k][lane] = to_local(batch, lane, {p[0], p[1], p[2]});
@@ -195,12 +223,31 @@ void cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* p
                 entry[k][lane] = e;
             }
             if (valid) active |= 1u << lane;
+            if (!fade) continue;
+            inverse[lane] = inverse_distance(batch, lane, plane, height);
+            for (const Vec& c : three) {
+                const float square = c.x * c.x + c.y * c.y + c.z * c.z;
+                in_part |= uint32_t(!(square < fade->from * fade->from)) << lane;
+            }
         }
         counters.triangles_considered += bit_count(batch.valid);
         counters.triangles_rasterized += bit_count(active);
-        add_jobs(layout, entry, corner, active, jobs);
+        add_jobs(layout, entry, corner, active & ~in_part, jobs);
+        if (fade) add_fading_jobs(layout, entry, corner, inverse, active & in_part, *fading);
         touching_jobs(batch, cluster, points, t, touching, layout, horizon, jobs, counters);
     }
+}
+
+void cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* points,
+                  const MaskLayout& layout, float horizon, ClusterScratch&, JobList& jobs,
+                  Counters& counters) {
+    fade_cluster_jobs(batch, cluster, points, layout, horizon, nullptr, jobs, nullptr, counters);
+}
+
+void fading_cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* points,
+                         const MaskLayout& layout, float horizon, const Fade& fade, ClusterScratch&,
+                         JobList& jobs, FadingJobs& fading, Counters& counters) {
+    fade_cluster_jobs(batch, cluster, points, layout, horizon, &fade, jobs, &fading, counters);
 }
 
 void both_sides_jobs(const Batch& batch, const Batch& behind, const ClusterView& cluster, const float* points,
@@ -393,9 +440,9 @@ void evaluate_sh(const float* x, const float* y, const float* z, size_t count, f
 
 } // namespace
 
-const Kernels reference_kernels = {"scalar",        prepare_batch,   select_clusters, cluster_jobs,
-                                   both_sides_jobs, triangle_jobs,   fan_jobs,        select_along,
-                                   triangles_along, count_crossings, run_jobs,        integrate,
-                                   rotate,          downsample,      shade,           evaluate_sh};
+const Kernels reference_kernels = {
+    "scalar",      prepare_batch, select_clusters, cluster_jobs,    both_sides_jobs, fading_cluster_jobs,
+    triangle_jobs, fan_jobs,      select_along,    triangles_along, count_crossings, run_jobs,
+    integrate,     rotate,        downsample,      shade,           evaluate_sh};
 
 } // namespace nusselt::kernels

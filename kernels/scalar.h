@@ -85,8 +85,8 @@ inline bool above_horizon(const Horizon& h, const Vec& a, const Vec& b, const Ve
 
 // How far off a triangle of the cluster is drawn.
 inline float triangle_reach(const ClusterView& cluster, uint32_t triangle) {
-    const float own = 2 * cluster.bounds[7 * triangle_slots(cluster.triangle_count) + triangle];
-    return larger(cluster.farthest, own < cluster.outermost ? own : cluster.outermost);
+    return larger(cluster.farthest,
+                  2 * cluster.bounds[7 * triangle_slots(cluster.triangle_count) + triangle]);
 }
 
 inline bool in_band(const ClusterView& cluster, uint32_t triangle, const Vec corner[3]) {
@@ -100,6 +100,23 @@ inline bool in_band(const ClusterView& cluster, uint32_t triangle, const Vec cor
     }
     return near >= 1 && far >= (cluster.two_sided ? 2u : 1u);
 }
+
+// Whether no point of the triangle, whose plane passes the receiver at that height, is nearer than the fade's
+// end.
+inline bool is_beyond(const Fade& fade, const Batch& batch, uint32_t lane, const ClusterView& cluster,
+                      uint32_t triangle, float height) {
+    const uint32_t slots = triangle_slots(cluster.triangle_count);
+    const float* sphere = cluster.bounds + 4 * slots + triangle;
+    const float x = sphere[0] - batch.position[0][lane], y = sphere[slots] - batch.position[1][lane],
+                z = sphere[2 * slots] - batch.position[2][lane];
+    const float reach = sphere[3 * slots] * 1.00001f + fade.to;
+    return std::fabs(height) >= fade.to || x * x + y * y + z * z >= reach * reach;
+}
+
+// One over the greatest distance at which a sample meets a plane.
+constexpr float least_inverse = 1e-30f;
+// What is added to a number from 0 to 255 has its nearest integer in the lowest byte.
+constexpr float rounding = 8388608;
 
 // So near the zenith, in squared tangents, that rounding decides on which side of it an arc passes: whether
 // the arc hides what is under it in a quarter of the hemisphere or in none. It hides nothing: the triangle's

@@ -291,11 +291,16 @@ uint32_t select_clusters(const ReceiverBounds& receivers, const ClusterBounds& c
 struct FirstLook {
     uint64_t visible, faces_all, faces_none;
     uint64_t large; // drawn beyond the cluster's band (triangle_reach)
+    // Of those that fade: wholly before a fade's beginning for all receivers, and perhaps beyond its end for
+    // some.
+    uint64_t before, may_end;
 };
 
 // Lanes are triangles here, so that a triangle which no receiver sees costs a sixteenth of one that is worked
 // on.
-HWY_INLINE FirstLook first_look(const ReceiverBounds& receivers, const ClusterView& cluster, float horizon) {
+// `fade` null: none.
+HWY_INLINE FirstLook first_look(const ReceiverBounds& receivers, const ClusterView& cluster, float horizon,
+                                const Fade* fade) {
     const uint32_t slots = triangle_slots(cluster.triangle_count);
     const V zero = hn::Zero(df), slope = constant(std::sqrt(1 + horizon * horizon)),
             tangent = constant(horizon);
@@ -304,8 +309,7 @@ HWY_INLINE FirstLook first_look(const ReceiverBounds& receivers, const ClusterVi
     const V cone_cos = constant(receivers.cone_cos), cone_sin = constant(receivers.cone_sin);
     // A little more than the sphere: the tests' own rounding must not cull. Distances are below 4.
     const V radius = constant(receivers.radius * 1.00001f + 4e-6f);
-    const V nearest = constant(cluster.nearest), farthest = constant(cluster.farthest),
-            outermost = constant(cluster.outermost);
+    const V nearest = constant(cluster.nearest), farthest = constant(cluster.farthest);
     // Of the full mesh also what a receiver may touch from behind, by rounding.
     const V clearance = constant(cluster.full ? -cluster.clearance - 1e-5f : cluster.clearance);
     const M narrow = hn::Gt(cone_cos, zero);
@@ -322,10 +326,16 @@ HWY_INLINE FirstLook first_look(const ReceiverBounds& receivers, const ClusterVi
         const V square = dot(x, y, z, x, y, z);
         const V reach = hn::Add(load(7), radius);
         // distance - reach < farthest, and distance + reach >= nearest, without the root.
-        const V own = hn::Min(hn::Add(load(7), load(7)), outermost);
+        const V own = hn::Add(load(7), load(7));
         const V outer = hn::Add(larger(farthest, own), reach), inner = larger(hn::Sub(nearest, reach), zero);
-        const M in_band =
-            hn::And(hn::Lt(square, hn::Mul(outer, outer)), hn::Ge(square, hn::Mul(inner, inner)));
+        M in_band = hn::And(hn::Lt(square, hn::Mul(outer, outer)), hn::Ge(square, hn::Mul(inner, inner)));
+        if (fade) {
+            const V distance = hn::Sqrt(square), off = hn::Mul(reach, constant(1.0001f));
+            const V last = hn::Mul(hn::Add(distance, off), constant(1.0001f)), end = constant(fade->to);
+            in_band = hn::And(in_band, hn::Lt(hn::Sub(distance, off), end));
+            look.before |= uint64_t(bits_of(hn::Lt(last, constant(fade->from)))) << t;
+            look.may_end |= uint64_t(bits_of(hn::Ge(last, end))) << t;
+        }
         const V along = dot(x, y, z, constant(receivers.cone[0]), constant(receivers.cone[1]),
                             constant(receivers.cone[2]));
         const V across = hn::Sqrt(larger(hn::Sub(square, hn::Mul(along, along)), zero));
@@ -531,6 +541,8 @@ struct ClusterWork {
     ClusterScratch& scratch;
     JobList& jobs;
     Counters& counters;
+    const Fade* fade = nullptr; // none
+    FadingJobs* fading = nullptr;
 };
 
 // Of each triangle, one bit a lane of a register.
@@ -554,6 +566,11 @@ HWY_INLINE void touch(const ClusterWork& work, uint32_t triangle, uint32_t touch
         work.jobs.destination[j] += lanes * mask_bytes(work.layout);
 }
 
+HWY_INLINE uint64_t corners_of(const ClusterView& cluster, uint32_t t) {
+    const uint8_t* triangle = cluster.triangles + 8 * t;
+    return 1ull << triangle[0] | 1ull << triangle[1] | 1ull << triangle[2];
+}
+
 // Facing, from the planes alone: it spares half of the corners their transformation. Which way a receiver
 // looks does not matter.
 HWY_INLINE void face_triangles(const ClusterWork& work, const FirstLook& look, const Chunk& chunk,
@@ -562,10 +579,6 @@ HWY_INLINE void face_triangles(const ClusterWork& work, const FirstLook& look, c
     const uint32_t slots = triangle_slots(cluster.triangle_count), valid = out.valid[0] | out.valid[1];
     const V opposite = hn::Sub(hn::Zero(df), margin);
     const V touch_margin = cluster.full ? margin : constant(-1.0f); // none: coarse surfaces lie off
-    const auto corners_of = [&](uint32_t t) HWY_ATTR {
-        const uint8_t* triangle = cluster.triangles + 8 * t;
-        return 1ull << triangle[0] | 1ull << triangle[1] | 1ull << triangle[2];
-    };
     out.corners = 0;
     out.seen = look.faces_all | look.faces_none;
     for (uint64_t left = out.seen; left; left &= left - 1) {
@@ -573,7 +586,7 @@ HWY_INLINE void face_triangles(const ClusterWork& work, const FirstLook& look, c
         const bool faces = look.faces_all >> t & 1;
         out.front[t] = faces ? valid : 0;
         out.back[t] = faces ? 0 : valid;
-        out.corners |= corners_of(t);
+        out.corners |= corners_of(cluster, t);
     }
     for (uint64_t left = look.visible & ~out.seen; left; left &= left - 1) {
         const uint32_t t = static_cast<uint32_t>(__builtin_ctzll(left));
@@ -591,14 +604,49 @@ HWY_INLINE void face_triangles(const ClusterWork& work, const FirstLook& look, c
             touch(work, t, (touching & out.valid[0]) << lane, (touching & out.valid[1]) << lane);
         }
         const bool any = (out.front[t] | out.back[t]) != 0;
-        out.corners |= any ? corners_of(t) : 0;
+        out.corners |= any ? corners_of(cluster, t) : 0;
         out.seen |= uint64_t(any) << t;
     }
 }
 
+HWY_INLINE V height_above(const ClusterView& cluster, uint32_t triangle, const Chunk& chunk) {
+    const uint32_t slots = triangle_slots(cluster.triangle_count);
+    const float* plane = cluster.bounds + triangle;
+    return hn::Sub(dot(constant(plane[0]), constant(plane[slots]), constant(plane[2 * slots]),
+                       chunk.position[0], chunk.position[1], chunk.position[2]),
+                   constant(plane[3 * slots]));
+}
+
+// Leaves out what is beyond the fade's end, of the triangles that may be: is_beyond of sixteen receivers.
+HWY_INLINE void leave_out_beyond(const ClusterWork& work, const Chunk& chunk, uint64_t may_end,
+                                 TriangleLanes& out) {
+    const ClusterView& cluster = work.cluster;
+    const uint32_t slots = triangle_slots(cluster.triangle_count);
+    const V end = constant(work.fade->to);
+    const uint64_t seen = out.seen;
+    for (uint64_t left = seen & may_end; left; left &= left - 1) {
+        const uint32_t t = static_cast<uint32_t>(__builtin_ctzll(left));
+        const float* sphere = cluster.bounds + 4 * slots + t;
+        const V height = hn::Abs(height_above(cluster, t, chunk));
+        const V x = hn::Sub(constant(sphere[0]), chunk.position[0]),
+                y = hn::Sub(constant(sphere[slots]), chunk.position[1]),
+                z = hn::Sub(constant(sphere[2 * slots]), chunk.position[2]);
+        const V reach = hn::Add(hn::Mul(constant(sphere[3 * slots]), constant(1.00001f)), end);
+        const M beyond = hn::Or(hn::Ge(height, end), hn::Ge(dot(x, y, z, x, y, z), hn::Mul(reach, reach)));
+        const uint32_t near = ~bits_of(beyond);
+        out.front[t] &= near;
+        out.back[t] &= near;
+        if (!(out.front[t] | out.back[t])) out.seen &= ~(1ull << t);
+    }
+    if (out.seen == seen) return;
+    out.corners = 0;
+    for (uint64_t left = out.seen; left; left &= left - 1)
+        out.corners |= corners_of(cluster, static_cast<uint32_t>(__builtin_ctzll(left)));
+}
+
 // Corners in the receivers' tangent frames, and what a triangle needs to know of them: it is the OR of
 // theirs, one bit a lane, 16 bits a question. From behind a corner lies at (x, -y, -z).
-template<bool both>
+template<bool both, bool fading>
 HWY_INLINE void place_corners(const ClusterWork& work, const Chunk& chunk, const Horizon& towards,
                               uint64_t corners) {
     const ClusterView& cluster = work.cluster;
@@ -619,6 +667,8 @@ HWY_INLINE void place_corners(const ClusterWork& work, const Chunk& chunk, const
         const uint64_t near = bits_of(hn::Lt(square, farthest)), far = bits_of(hn::Ge(square, nearest));
         scratch.reach[v] = above | over << 16 | near << 32 | far << 48;
         scratch.halves[v] = bits_of(hn::Lt(local.y, zero)) | bits_of(hn::Gt(local.y, zero)) << 16;
+        if constexpr (fading)
+            scratch.near[v] = bits_of(hn::Lt(square, constant(work.fade->from * work.fade->from)));
         if constexpr (both) {
             const V depth = hn::Sub(zero, local.z);
             scratch.behind[v] = bits_of(hn::Lt(local.z, zero)) | bits_of(hn::Gt(hn::Sub(depth, rise), zero))
@@ -693,27 +743,62 @@ HWY_INLINE void find_planes(const ClusterWork& work, uint32_t lane, const Triang
     }
 }
 
-// `lower`, `upper`: lanes in which the triangle reaches the mask's first and second half.
-HWY_INLINE void add_triangle(const ClusterWork& work, uint32_t t, const uint32_t entries[][lanes],
-                             uint32_t visible, uint32_t back, U destination, uint32_t lower, uint32_t upper) {
+// The triangle's planes; returns the lanes of `visible` in which they are planes.
+HWY_INLINE uint32_t load_entries(const ClusterWork& work, uint32_t t, const uint32_t entries[][lanes],
+                                 uint32_t visible, uint32_t back, U entry[3]) {
     const uint8_t* triangle = work.cluster.triangles + 8 * t;
     const uint32_t complement = entry_complement(work.layout);
-    U entry[3];
     for (uint32_t k = 0; k < 3; ++k) {
         const U flip = hn::Set(du, triangle[6] >> k & 1 ? complement : 0);
         entry[k] = hn::Xor(hn::Load(du, entries[triangle[3 + k]]), flip);
     }
     if (back) {
         const U turned = hn::IfThenElseZero(hn::RebindMask(du, mask_of(back)), hn::Set(du, complement));
-        for (U& e : entry)
-            e = hn::Xor(e, turned);
+        for (uint32_t k = 0; k < 3; ++k)
+            entry[k] = hn::Xor(entry[k], turned);
     }
     const uint32_t active = visible & bits_of(valid_entries(entry));
     work.counters.triangles_rasterized += static_cast<uint32_t>(__builtin_popcount(active));
+    return active;
+}
+
+// `lower`, `upper`: lanes in which the triangle reaches the mask's first and second half.
+HWY_INLINE void add_triangle(const ClusterWork& work, uint32_t t, const uint32_t entries[][lanes],
+                             uint32_t visible, uint32_t back, U destination, uint32_t lower, uint32_t upper) {
+    U entry[3];
+    const uint32_t active = load_entries(work, t, entries, visible, back, entry);
     add_jobs(work.layout, entry, destination, active & lower, active & upper, work.jobs);
 }
 
-template<PlaneMap map, bool both>
+// The same of a triangle of which a fade may leave a part.
+HWY_INLINE void add_fading(const ClusterWork& work, const Chunk& chunk, uint32_t t, uint32_t visible,
+                           uint32_t back, U destination, uint32_t lower, uint32_t upper) {
+    const ClusterScratch& scratch = work.scratch;
+    const uint8_t* triangle = work.cluster.triangles + 8 * t;
+    U entry[3];
+    const uint32_t active = load_entries(work, t, scratch.entry, visible, back, entry);
+    const uint32_t whole =
+        active & scratch.near[triangle[0]] & scratch.near[triangle[1]] & scratch.near[triangle[2]];
+    add_jobs(work.layout, entry, destination, whole & lower, whole & upper, work.jobs);
+    const uint32_t in_part = active & ~whole;
+    if (!in_part) return;
+    const uint32_t slots = triangle_slots(work.cluster.triangle_count);
+    const float* plane = work.cluster.bounds + t;
+    const V scale = hn::Div(constant(-1), height_above(work.cluster, t, chunk));
+    const V nx = constant(plane[0]), ny = constant(plane[slots]), nz = constant(plane[2 * slots]);
+    for (uint32_t row = 0; row < 3; ++row) {
+        const V inverse =
+            hn::Mul(dot(chunk.axis[row][0], chunk.axis[row][1], chunk.axis[row][2], nx, ny, nz), scale);
+        float* to = work.fading->inverse[row] + work.fading->list.count;
+        for (const uint32_t half : {in_part & lower, in_part & upper}) {
+            hn::StoreU(hn::BitCast(df, compress(hn::BitCast(du, inverse), half)), df, to);
+            to += __builtin_popcount(half);
+        }
+    }
+    add_jobs(work.layout, entry, destination, in_part & lower, in_part & upper, work.fading->list);
+}
+
+template<PlaneMap map, bool both, bool fading>
 void cluster_jobs_of(const ClusterWork& work) {
     const ClusterView& cluster = work.cluster;
     const uint32_t receivers = static_cast<uint32_t>(__builtin_popcount(work.batch.valid)) +
@@ -721,7 +806,7 @@ void cluster_jobs_of(const ClusterWork& work) {
     work.counters.triangles_considered += uint64_t(receivers) * cluster.triangle_count;
     ReceiverBounds bounds = work.batch.bounds;
     if constexpr (both) bounds.cone_cos = -1; // next to nothing lies below all horizons of both sides
-    const FirstLook look = first_look(bounds, cluster, work.horizon);
+    const FirstLook look = first_look(bounds, cluster, work.horizon, fading ? work.fade : nullptr);
     if (!look.visible) return;
     for (uint32_t lane = 0; lane < lanes; lane += width) {
         TriangleLanes triangles;
@@ -735,8 +820,9 @@ void cluster_jobs_of(const ClusterWork& work) {
         const V margin = hn::Add(constant(cluster.clearance),
                                  hn::Mul(constant(1e-6f), hn::Add(distance, constant(cluster.radius))));
         face_triangles(work, look, chunk, lane, margin, triangles);
-        place_corners<both>(work, chunk, horizon_towards(work.horizon, middle.x, middle.y),
-                            triangles.corners);
+        if constexpr (fading) leave_out_beyond(work, chunk, look.may_end, triangles);
+        place_corners<both, fading>(work, chunk, horizon_towards(work.horizon, middle.x, middle.y),
+                                    triangles.corners);
         find_visible<both>(work, look.large, triangles);
         find_planes<map, both>(work, lane, triangles);
         const U destination = destinations(work.layout, lane);
@@ -747,6 +833,11 @@ void cluster_jobs_of(const ClusterWork& work) {
             const uint8_t* triangle = cluster.triangles + 8 * t;
             const uint32_t halves =
                 scratch.halves[triangle[0]] | scratch.halves[triangle[1]] | scratch.halves[triangle[2]];
+            if (fading && !(look.before >> t & 1)) {
+                add_fading(work, chunk, t, triangles.visible[0][t],
+                           triangles.back[t] & triangles.visible[0][t], destination, halves, halves >> 16);
+                continue;
+            }
             if (!both || triangles.visible[0][t])
                 add_triangle(work, t, scratch.entry, triangles.visible[0][t],
                              triangles.back[t] & triangles.visible[0][t], destination, halves, halves >> 16);
@@ -763,16 +854,23 @@ void cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* p
                   Counters& counters) {
     const ClusterWork work{batch, batch, cluster, points, layout, horizon, scratch, jobs, counters};
     if (layout.planes == PlaneMap::octahedral) {
-        cluster_jobs_of<PlaneMap::octahedral, false>(work);
+        cluster_jobs_of<PlaneMap::octahedral, false, false>(work);
     } else {
-        cluster_jobs_of<PlaneMap::cube, false>(work);
+        cluster_jobs_of<PlaneMap::cube, false, false>(work);
     }
+}
+
+void fading_cluster_jobs(const Batch& batch, const ClusterView& cluster, const float* points,
+                         const MaskLayout& layout, float horizon, const Fade& fade, ClusterScratch& scratch,
+                         JobList& jobs, FadingJobs& fading, Counters& counters) {
+    cluster_jobs_of<PlaneMap::octahedral, false, true>(
+        {batch, batch, cluster, points, layout, horizon, scratch, jobs, counters, &fade, &fading});
 }
 
 void both_sides_jobs(const Batch& batch, const Batch& behind, const ClusterView& cluster, const float* points,
                      const MaskLayout& layout, float horizon, ClusterScratch& scratch, JobList& jobs,
                      Counters& counters) {
-    cluster_jobs_of<PlaneMap::octahedral, true>(
+    cluster_jobs_of<PlaneMap::octahedral, true, false>(
         {batch, behind, cluster, points, layout, horizon, scratch, jobs, counters});
 }
 
@@ -1072,10 +1170,10 @@ constexpr const char* set_name() {
 
 } // namespace
 
-const Kernels table = {set_name(),      prepare_batch,   select_clusters, cluster_jobs,
-                       both_sides_jobs, triangle_jobs,   fan_jobs,        select_along,
-                       triangles_along, count_crossings, run_jobs,        integrate,
-                       rotate,          downsample,      shade,           evaluate_sh};
+const Kernels table = {
+    set_name(),    prepare_batch, select_clusters, cluster_jobs,    both_sides_jobs, fading_cluster_jobs,
+    triangle_jobs, fan_jobs,      select_along,    triangles_along, count_crossings, run_jobs,
+    integrate,     rotate,        downsample,      shade,           evaluate_sh};
 
 } // namespace HWY_NAMESPACE
 } // namespace nusselt::kernels

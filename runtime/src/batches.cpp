@@ -149,8 +149,8 @@ void finish_batch(const Frame& frame, const MeshSlice& slice, const Batch& batch
     // A product's low bands are made of all bands.
     const bool far = slice.looks_far && worker.far_matrix;
     const uint32_t order = slice.in.output_count > 0 || far ? 5 : frame.order;
-    if (frame.shells.count > 0) {
-        integrate_shells(frame, batch, order, worker);
+    if (frame.fades) {
+        integrate_fading(frame, batch, order, worker);
     } else {
         frame.kernels->integrate(*frame.tables, worker.masks.data(), batch.valid, frame.quality.paper, order,
                                  worker.local, worker.tally.counters);
@@ -168,7 +168,7 @@ uint32_t begin_batch(const Frame& frame, const MeshSlice& slice, const uint32_t*
     worker.tally.receivers_computed += count;
     worker.tally.receivers_invalid += count - static_cast<uint32_t>(std::popcount(batch.valid));
     JobList jobs = job_list(worker);
-    std::memset(worker.masks.data(), 0, lanes * mask_size * std::max(frame.shells.count, 1u));
+    std::memset(worker.masks.data(), 0, lanes * mask_size * (frame.fades ? 1 + fade_digits : 1));
     uint32_t folded = 0;
     if (slice.in.receive_only) {
         // Not even of itself.
@@ -273,7 +273,6 @@ void shadow_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receiver
                   StageClock& clock) {
     const Kernels& k = *frame.kernels;
     const Tables& tables = *frame.tables;
-    const uint32_t shells = frame.shells.count;
     JobList jobs = job_list(worker);
     const uint32_t inside = begin_batch(frame, slice, receivers, count, batch, worker, clock);
     const uint32_t selected =
@@ -281,9 +280,9 @@ void shadow_batch(Frame& frame, const MeshSlice& slice, const uint32_t* receiver
     clock.lap(cull_stage);
 
     if (frame.quality.paper) mark_vicinity(slice, receivers, batch, true, worker);
-    if (shells > 0) raster_shells(frame, batch, selected, worker, jobs, clock);
+    if (frame.fades) draw_fading(frame, batch, selected, worker, jobs, clock);
     if (frame.record) std::copy(worker.masks.begin(), worker.masks.end(), worker.masks_before.begin());
-    for (uint32_t i = 0; shells == 0 && i < selected; ++i) {
+    for (uint32_t i = 0; !frame.fades && i < selected; ++i) {
         const uint32_t c = worker.selected[i];
         const MeshSlice& blocker = frame.meshes[frame.cluster_mesh[c]];
         if (frame.quality.paper && frame.views[c].two_sided) {
@@ -358,7 +357,8 @@ void shadow_both(Frame& frame, const MeshSlice* const slices[2], const uint32_t*
 
 void open_batch(const Frame& frame, const MeshSlice& slice, const uint32_t* receivers, uint32_t count,
                 const Batch& batch, Worker& worker, StageClock& clock) {
-    std::memset(worker.masks.data(), 0, size_t(lanes) * mask_bytes(frame.tables->layout));
+    const size_t masks = frame.fades ? 1 + fade_digits : 1;
+    std::memset(worker.masks.data(), 0, masks * lanes * mask_bytes(frame.tables->layout));
     finish_batch(frame, slice, batch, worker, clock);
     store_batch(frame, slice, receivers, count, worker);
     store_outputs(frame, slice, receivers, count, batch, worker);

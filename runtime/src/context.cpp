@@ -80,6 +80,7 @@ Status create_context(const ContextDesc& desc, Context** out) {
         context->kernels = kernels_of(isa);
         context->output_kernels = kernels::output_kernels_for(static_cast<kernels::Set>(isa));
         context->light_kernels = kernels::light_kernels_for(static_cast<kernels::Set>(isa));
+        context->fading_kernels = kernels::fading_kernels_for(static_cast<kernels::Set>(isa));
         *out = context;
     } catch (const std::bad_alloc&) {
         return {StatusCode::out_of_memory,

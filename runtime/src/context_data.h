@@ -32,6 +32,8 @@ struct Context {
                                                                                                FarMemory(a),
                                                                                                FarMemory(a),
                                                                                                FarMemory(a)},
+          fade_directions{Vector<float>(HostAllocator<float>(a)), Vector<float>(HostAllocator<float>(a)),
+                          Vector<float>(HostAllocator<float>(a)), Vector<float>(HostAllocator<float>(a))},
           meshes(HostAllocator<MeshSlot>(a)), frames(HostAllocator<Frame*>(a)),
           crews(HostAllocator<Crew*>(a)) {}
 
@@ -43,10 +45,12 @@ struct Context {
     const kernels::Kernels* kernels = nullptr;
     const kernels::OutputKernels* output_kernels = nullptr;
     const kernels::LightKernels* light_kernels = nullptr;
+    const kernels::FadingKernels* fading_kernels = nullptr;
     const kernels::Tables* tables[quality_count] = {}; // held once used
 
-    CellMemory cells[quality_count]; // for outputs that are made from masks
-    FarMemory far[quality_count];    // for frames of several objects
+    CellMemory cells[quality_count];              // for outputs that are made from masks
+    FarMemory far[quality_count];                 // for frames of several objects
+    Vector<float> fade_directions[quality_count]; // for frames with a falloff; empty until used
 
     std::mutex guard; // the slots and counts below; never held while a frame works
     Vector<MeshSlot> meshes;

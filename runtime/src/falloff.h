@@ -1,5 +1,4 @@
-// Occlusion that fades with distance (FrameDesc::falloff): blockers in shells around each receiver, a mask
-// each.
+// Occlusion that fades with distance (FrameDesc::falloff).
 #pragma once
 
 #include "batches.h"
@@ -7,16 +6,16 @@
 namespace nusselt {
 
 Status check_falloff(const FrameDesc& desc);
-// None where the falloff is off.
-Shells make_shells(const Falloff& falloff);
+// In frame space.
+kernels::Fade make_fade(const Falloff& falloff, float scale);
 
-// Rasterises the selected clusters, each triangle into the masks of the shells that it lies in; masks of the
-// shells follow one another in worker.masks. The job list may hold jobs of the first shell.
-void raster_shells(const Frame& frame, const kernels::Batch& batch, uint32_t selected, Worker& worker,
-                   kernels::JobList& jobs, StageClock& clock);
+// Draws the selected clusters: what lies before the fade's beginning into worker.masks, which hold the masks
+// of digits behind them, and those of what is hidden in part. The job list may hold jobs.
+void draw_fading(const Frame& frame, const kernels::Batch& batch, uint32_t selected, Worker& worker,
+                 kernels::JobList& jobs, StageClock& clock);
 
-// Adds each shell to those around it, and integrates `order` bands of them by their weights into
-// worker.local; the first mask is then of all shells.
-void integrate_shells(const Frame& frame, const kernels::Batch& batch, uint32_t order, Worker& worker);
+// Integrates `order` bands of the masks and the digits into worker.local. The masks then hold all samples of
+// which a digit is hidden.
+void integrate_fading(const Frame& frame, const kernels::Batch& batch, uint32_t order, Worker& worker);
 
 } // namespace nusselt

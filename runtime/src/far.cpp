@@ -121,7 +121,7 @@ void build_far_table(const MaskLayout& layout, float* table) {
 }
 
 bool may_look_far(const Frame& frame, const MeshSlice& slice) {
-    if (!frame.proxies || frame.has_history || frame.shells.count > 0 || slice.in.masks.data) return false;
+    if (!frame.proxies || frame.has_history || frame.fades || slice.in.masks.data) return false;
     for (uint32_t k = 0; k < slice.in.output_count; ++k) {
         if (frame.outputs[slice.first_output + k].encoding.quantity >= Quantity::glossy) return false;
     }

@@ -340,6 +340,18 @@ const kernels::CellTables* cells_of(Context& context, Quality quality, const Fra
     return &cells.tables;
 }
 
+// The samples' directions, or null where nothing fades. Throws std::bad_alloc.
+const float* fade_directions_of(Context& context, Quality quality, const Frame& frame) {
+    if (!frame.fades) return nullptr;
+    Vector<float>& directions = context.fade_directions[static_cast<uint32_t>(quality)];
+    if (directions.empty()) {
+        const jobs::FloatEnvironment environment;
+        directions.resize(kernels::fade_directions_size(frame.quality.layout));
+        kernels::build_fade_directions(frame.quality.layout, directions.data());
+    }
+    return directions.data();
+}
+
 // The caller's meshes and their backs. Throws std::bad_alloc.
 void gather_meshes(const Context& context, const FrameDesc& desc, Frame& frame) {
     const auto* const first = desc.meshes;
@@ -395,11 +407,13 @@ void set_up(Context& context, const FrameDesc& desc, Frame& frame) {
     frame.kernels = context.kernels;
     frame.output_kernels = context.output_kernels;
     frame.light_kernels = context.light_kernels;
+    frame.fading_kernels = context.fading_kernels;
     frame.environment = desc.environment;
     frame.visible = desc.visible;
     frame.record = desc.record;
     frame.visible_segment = desc.visible_segment;
-    frame.shells = make_shells(desc.falloff);
+    frame.falloff = desc.falloff;
+    frame.fades = desc.falloff.to > 0;
     if (desc.light) std::copy(desc.light, desc.light + 75, frame.light);
     frame.profiler = &context.profiler;
     frame.clock = &context.clock;
@@ -407,6 +421,7 @@ void set_up(Context& context, const FrameDesc& desc, Frame& frame) {
     gather_meshes(context, desc, frame);
     copy_outputs(frame);
     frame.cells = cells_of(context, desc.quality, frame);
+    frame.fade_directions = fade_directions_of(context, desc.quality, frame);
     lay_out(frame);
     frame.far_table = far_table_of(context, desc.quality, frame);
     grow(frame);

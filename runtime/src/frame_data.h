@@ -5,6 +5,7 @@
 #include "environment.h"
 #include "history_data.h"
 #include "jobs/graph.h"
+#include "kernels/fading.h"
 #include "kernels/kernels.h"
 #include "kernels/light.h"
 #include "memory.h"
@@ -76,14 +77,6 @@ inline FrameMesh turned_over(const FrameMesh& mesh) {
     return back;
 }
 
-// Balls around a receiver, and how much of the light blockers hide that lie in each and in none before it.
-constexpr uint32_t most_shells = 5;
-struct Shells {
-    uint32_t count = 0;             // 0: no falloff
-    float far[most_shells] = {};    // in the caller's unit, rising
-    float weight[most_shells] = {}; // falling from 1
-};
-
 struct Tally {
     kernels::Counters counters{};
     uint64_t clusters_tested = 0, clusters_rasterized = 0;
@@ -152,10 +145,12 @@ struct Worker {
           groups(HostAllocator<uint32_t>(a)), along(HostAllocator<uint32_t>(a)),
           meshes(HostAllocator<uint32_t>(a)), visible(HostAllocator<uint32_t>(a)),
           far_meshes(HostAllocator<uint32_t>(a)), masks_before(HostAllocator<uint8_t>(a)),
-          points_before(HostAllocator<float>(a)) {}
+          points_before(HostAllocator<float>(a)), parts(HostAllocator<uint8_t>(a)),
+          touched(HostAllocator<uint64_t>(a)), fading_jobs(HostAllocator<uint32_t>(a)),
+          inverse(HostAllocator<float>(a)) {}
 
     Vector<kernels::ClusterScratch> scratch; // one
-    Vector<uint8_t> masks;                   // of a batch, for each shell or each side
+    Vector<uint8_t> masks;                   // of a batch, for each digit of a fade or each side
     Vector<uint32_t> jobs;                   // the job list's four arrays
     Vector<uint16_t> near; // by welded vertex, one bit a lane (quality `paper`); zero between batches
     Vector<uint32_t> candidates, selected;
@@ -167,7 +162,12 @@ struct Worker {
     Vector<uint8_t> masks_before;       // of a batch, before a cluster was drawn (frames that record)
     uint32_t rows[kernels::lanes] = {}; // of the visible set, of a batch's receivers
     Vector<float> points_before;        // of a chunk (frames with a history)
-    uint32_t far_count = 0;             // of far_meshes
+    // Where the frame fades: kernels::FadingParts, zero between batches, and the arrays of FadingJobs.
+    Vector<uint8_t> parts;
+    Vector<uint64_t> touched;
+    Vector<uint32_t> fading_jobs;
+    Vector<float> inverse;
+    uint32_t far_count = 0; // of far_meshes
     kernels::Batch far_batch = {};
     alignas(64) float own_matrix[25][25] = {};
     bool has_far_view = false; // the mesh's FarView is for this region too
@@ -218,6 +218,7 @@ struct Frame {
     const kernels::Kernels* kernels = nullptr;
     const kernels::OutputKernels* output_kernels = nullptr;
     const kernels::LightKernels* light_kernels = nullptr;
+    const kernels::FadingKernels* fading_kernels = nullptr;
     const Profiler* profiler = nullptr; // the context's
     const kernels::Tables* tables = nullptr;
     const kernels::CellTables* cells = nullptr; // where an output is made from masks
@@ -226,8 +227,10 @@ struct Frame {
     const Environment* environment = nullptr;
     const VisibleSet* visible = nullptr;
     VisibleSet* record = nullptr;
-    uint32_t visible_segment = 0; // of either
-    Shells shells;
+    uint32_t visible_segment = 0;           // of either
+    const float* fade_directions = nullptr; // where `fades`
+    Falloff falloff = {};
+    bool fades = false;
     QualitySettings quality{};
     uint32_t order = 5; // bands of the transfer vectors
     bool watertight = false;
@@ -247,6 +250,7 @@ struct Frame {
     // Made by the tasks. Frame space: (position - origin) * scale, scale a power of two that brings the
     // extent near 1.
     float origin[3] = {}, scale = 1;
+    kernels::Fade fade = {};         // where `fades`
     Vector<float> extents;           // largest distance from the origin along an axis, by chunk of points
     Vector<LevelError> level_errors; // one a cluster
     Vector<uint8_t> broken;          // of each cluster: a corner is not finite

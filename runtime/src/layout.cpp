@@ -29,7 +29,7 @@ void lay_out(Frame& frame) {
     frame.region_size = region_size(frame);
     frame.proxies = needs_proxies(frame);
     frame.both_at_once = frame.meshes.size() > frame.mesh_count && !frame.quality.paper && !frame.proxies &&
-                         !frame.has_history && frame.shells.count == 0 && !frame.visible && !frame.record;
+                         !frame.has_history && !frame.fades && !frame.visible && !frame.record;
     const auto regions = [&](uint32_t receivers) {
         return (receivers + frame.region_size - 1) / frame.region_size;
     };
@@ -118,8 +118,15 @@ void grow(Frame& frame) {
     for (Worker& w : frame.crew->workers) {
         w.scratch.resize(1);
         w.masks.resize(size_t(kernels::lanes) * kernels::mask_bytes(frame.quality.layout) *
-                       std::max(frame.shells.count, sides));
+                       (frame.fades ? 1 + kernels::fade_digits : sides));
         w.jobs.resize(4 * job_capacity);
+        if (frame.fades) {
+            const size_t samples = size_t(kernels::lanes) * kernels::mask_bits(frame.quality.layout);
+            w.parts.resize(samples, 0);
+            w.touched.resize(samples / (16 * 64), 0);
+            w.fading_jobs.resize(4 * job_capacity);
+            w.inverse.resize(3 * job_capacity);
+        }
         if (frame.quality.paper) w.near.resize(frame.point_count, 0);
         w.candidates.resize(clusters + 16);
         w.selected.resize(clusters + 16);
@@ -153,7 +160,6 @@ void connect(Frame& frame) {
             view.triangle_count = k.triangle_begin[i + 1] - triangle;
             view.two_sided = k.two_sided[i];
             view.full = k.level[i] == 0 && !frame.quality.paper;
-            view.outermost = FLT_MAX;
             view.bounds = frame.triangle_bounds.data() + bounds;
             bounds += 8 * kernels::triangle_slots(view.triangle_count);
         }

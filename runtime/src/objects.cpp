@@ -119,6 +119,7 @@ void copy_proxies(Frame& frame, uint32_t m) {
         float& farthest = frame.farthest.data()[to + c];
         frame.views[to + c].farthest = farthest;
         farthest = std::max(farthest, 2 * frame.triangle_radius.data()[to + c]);
+        if (frame.fades) farthest = std::min(farthest, frame.fade.to);
     }
 }
 
@@ -239,7 +240,7 @@ void bound_mesh(Frame& frame, uint32_t m) {
     bound_sphere(frame, first, first + count, frame.mesh_bounds, m);
     box_closed(frame, m);
     frame.mesh_bounds.cone_cos.data()[m] = -1;
-    frame.mesh_bounds.farthest.data()[m] = FLT_MAX;
+    frame.mesh_bounds.farthest.data()[m] = frame.fades ? frame.fade.to : FLT_MAX;
     LevelBands& own = frame.level_bands[m];
     band_levels(frame, *slice.clusters, first, slice.first_group, own);
     bound_groups(frame, own);

@@ -1,5 +1,6 @@
 #include "refit.h"
 
+#include "falloff.h"
 #include "kernels/prepare.h"
 #include "objects.h"
 #include "weld.h"
@@ -279,6 +280,7 @@ void choose_scale(void* context, uint32_t, uint32_t, uint32_t) {
     int exponent = 0;
     std::frexp(largest, &exponent);
     frame.scale = largest > 0 ? std::ldexp(1.0f, std::clamp(-exponent, -126, 126)) : 1.0f;
+    if (frame.fades) frame.fade = make_fade(frame.falloff, frame.scale);
 }
 
 void place_points(void* context, uint32_t begin, uint32_t end, uint32_t) {
@@ -350,6 +352,7 @@ void choose_bands(void* context, uint32_t begin, uint32_t end, uint32_t) {
             views[c].nearest = nearest[c];
             views[c].farthest = farthest[c];
             farthest[c] = std::max(farthest[c], 2 * frame.triangle_radius.data()[slice.first_cluster + c]);
+            if (frame.fades) farthest[c] = std::min(farthest[c], frame.fade.to);
             const float clear = views[c].two_sided ? clear_of_sheet : clear_of_closed;
             const float own = frame.quality.paper ? 0 : clear * of_cluster[c].most;
             views[c].clearance = std::max(own, clear_of_rounding(views[c]));

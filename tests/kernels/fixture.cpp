@@ -311,7 +311,6 @@ void random_cluster(Random& random, const Batch& batch, bool hostile, ClusterInp
     out.view.clearance = random.one_in(3) ? random.between(0, 1e-2f) : 0.0f;
     out.view.nearest = random.one_in(3) ? random.between(0, 0.3f) : 0.0f;
     out.view.farthest = random.one_in(3) ? random.between(0, 1.5f) : FLT_MAX;
-    out.view.outermost = random.one_in(3) ? random.between(0, 1.5f) : FLT_MAX;
     fill_bounds(out);
 }
 

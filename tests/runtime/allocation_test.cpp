@@ -42,14 +42,16 @@ struct Ready {
     }
 
     // Until one allocates.
-    uint64_t allocations_in(int frames, bool plant = false) {
+    uint64_t allocations_in(int frames, bool plant = false, const Falloff& falloff = {}) {
         heap_allocations = 0;
         heap_is_counted = true;
         for (int i = 0; i < frames && heap_allocations == 0; ++i) {
             FrameId id;
             FrameStats stats;
             const std::vector<FrameMesh>& meshes = moments[i % 2].meshes;
-            (void)submit(context, {meshes.data(), uint32_t(meshes.size()), Quality::standard}, &id);
+            FrameDesc desc{meshes.data(), uint32_t(meshes.size()), Quality::standard};
+            desc.falloff = falloff;
+            (void)submit(context, desc, &id);
             (void)wait(context, id, &stats);
             receivers += stats.receivers_written;
             most_threads = std::max(most_threads, stats.threads);
@@ -88,6 +90,9 @@ TEST(Allocation, NoneWithTheSerialExecutor) {
     ready.receivers = 0;
     EXPECT_EQ(ready.allocations_in(1000), 0u);
     EXPECT_GT(ready.receivers, 400000u);
+    EXPECT_GT(ready.allocations_in(2, false, {0.2f, 1}), 0u);
+    ready.allocations_in(2, false, {0.2f, 1});
+    EXPECT_EQ(ready.allocations_in(500, false, {0.2f, 1}), 0u);
 }
 
 TEST(Allocation, NoneWithTbb) {

@@ -84,6 +84,16 @@ TEST(Memory, NoRequestsInSteadyState) {
         for (int i = 1; i < 6; ++i)
             run_frame(engine.context, posed(scene, ids, 0.2 * i));
         EXPECT_EQ(ledger.requests, before);
+        FrameDesc fading;
+        fading.falloff = {0.05f, 0.3f};
+        run_frame(engine.context, posed(scene, ids, 0), fading);
+        const uint64_t faded = ledger.requests;
+        for (int i = 1; i < 6; ++i) {
+            fading.falloff.to *= 1.7f;
+            run_frame(engine.context, posed(scene, ids, 0.2 * i), fading);
+            run_frame(engine.context, posed(scene, ids, 0.2 * i));
+        }
+        EXPECT_EQ(ledger.requests, faded);
     }
     EXPECT_EQ(ledger.wrong, "");
 }
@@ -106,13 +116,20 @@ TEST(Memory, FramesAndHistoriesKeepToTheirBounds) {
             const size_t meshes = ledger.bytes();
             run_frame(engine.context, posed(scene, ids, 0), quality);
             const size_t frame = ledger.bytes() - meshes;
+            FrameDesc fading;
+            fading.quality = quality;
+            fading.falloff = {0.1f, 0.2f};
+            run_frame(engine.context, posed(scene, ids, 0), fading);
+            const size_t faded = ledger.bytes() - meshes - frame;
+            EXPECT_LE(faded,
+                      12 * quality_mask_bits(quality) + 2 * ((quality == Quality::fine ? 172 : 100) << 10));
             FrameDesc settings;
             settings.quality = quality;
             ASSERT_TRUE(create_history(engine.context, &settings.history).ok());
             ASSERT_TRUE(
                 create_history(engine.context, &settings.history).ok()); // one with a frame of its own
             run_frame(engine.context, posed(scene, ids, 0), settings);
-            const size_t history = ledger.bytes() - meshes - frame;
+            const size_t history = ledger.bytes() - meshes - frame - faded;
             // The same with backs, in a context of its own: other workers.
             Ledger of_both;
             ContextDesc both_desc;

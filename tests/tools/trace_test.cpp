@@ -101,6 +101,24 @@ TEST(Trace, NothingThereIsOpen) {
         EXPECT_NEAR(result.transfer[i], open[i], 1e-6);
 }
 
+// Of a ceiling at height 1 what is nearer than r hides 1 - 1 / r^2; a fade hides the mean of that.
+TEST(Trace, FadesWithDistance) {
+    Builder scene;
+    scene.vertex({0, 0, 0});
+    scene.quad({-1e3f, -1e3f, 1}, {-1e3f, 1e3f, 1}, {1e3f, 1e3f, 1}, {1e3f, -1e3f, 1});
+    const auto hidden = [](double r) { return r > 1 ? 1 - 1 / (r * r) : 0; };
+    for (const auto& [from, to] : {std::pair(0.0, 2.0), std::pair(1.5, 4.0), std::pair(2.0, 2.0)}) {
+        double sum = 0;
+        for (int i = 0; i < 4000; ++i) {
+            const double t = (i + 0.5) / 4000;
+            sum += 6 * t * (1 - t) * hidden(from + (to - from) * t) / 4000;
+        }
+        EXPECT_NEAR(seen(scene.trace({.rays = 16384, .fade_from = from, .fade_to = to})), 1 - sum, 2e-3)
+            << from << " " << to;
+    }
+    EXPECT_EQ(scene.trace({.fade_from = 1e9, .fade_to = 1e9}).transfer, scene.trace().transfer);
+}
+
 TEST(Trace, TangentWallHidesHalf) {
     for (const float angle : {0.0f, 0.4f, 2.0f, 5.0f}) {
         Builder scene;

@@ -348,7 +348,7 @@ const topics = { glossy: "Glossy surfaces: processor time over diffuse transfer,
   direct: "Direct light beside 25 terms: processor time over transfer alone; error of the radiance against rays into the light itself",
   pvs: "Potentially visible sets of the animation: triangles looked at a receiver, processor time over culling alone; error half-way between recorded frames",
   objects: "Many objects: processor time over the sum of their times alone; error of all, as one object, and each alone",
-  falloff: "Occlusion that fades with distance: processor time over none",
+  falloff: "Occlusion that fades with distance: processor time over none, error against rays",
   static: "What stands still: the scene on a ground that only receives" };
 for (const study of report.studies) {
   const card = make("div", document.getElementById("studies"), undefined, "card"), head = make("div", card, undefined, "head");

@@ -77,7 +77,7 @@ struct RayContext {
 };
 
 // Turns down hits on the receiver's own triangles, and on back faces where those don't block.
-void occlusion_filter(const RTCFilterFunctionNArguments* arguments) {
+void own_filter(const RTCFilterFunctionNArguments* arguments) {
     const auto* context = reinterpret_cast<const RayContext*>(arguments->context);
     const unsigned count = arguments->N;
     for (unsigned i = 0; i < count; ++i) {
@@ -118,8 +118,16 @@ struct Scratch {
     Fan fan;
     std::vector<glm::dvec3> corners;
     std::vector<glm::dvec3> direction; // of each sample
-    std::vector<uint8_t> blocked;
+    std::vector<double> hidden;        // part of each sample
 };
+
+// What something at that distance hides.
+double hidden_part(const TraceOptions& options, double distance) {
+    if (distance <= options.fade_from) return 1;
+    if (distance >= options.fade_to) return 0;
+    const double t = (options.fade_to - distance) / (options.fade_to - options.fade_from);
+    return t * t * (3 - 2 * t);
+}
 
 // An edge within a ten-thousandth of a radian of the normal: rounding decides to which side it leans, and so
 // whether a quarter of the hemisphere is under its triangle. A ray that starts a hair above the receiver
@@ -148,8 +156,8 @@ void gather_fan(const TraceScene& scene, const Assembly& all, uint32_t vertex, c
 
 // One set of grid x grid jittered rays from one receiver; `sum` becomes their mean.
 void trace_receiver(const TraceScene& scene, const glm::dvec3& origin, const glm::dvec3& normal,
-                    uint32_t point, uint32_t grid, Facing facing, Random random, Scratch& scratch,
-                    double sum[25]) {
+                    uint32_t point, uint32_t grid, const TraceOptions& options, Random random,
+                    Scratch& scratch, double sum[25]) {
     // Duff et al. 2017, Building an Orthonormal Basis, Revisited.
     const double sign = std::copysign(1.0, normal.z);
     const double a = -1 / (sign + normal.z), b = normal.x * normal.y * a;
@@ -158,22 +166,24 @@ void trace_receiver(const TraceScene& scene, const glm::dvec3& origin, const glm
 
     const size_t samples = size_t{grid} * grid;
     scratch.direction.resize(samples);
-    scratch.blocked.resize(samples);
+    scratch.hidden.resize(samples);
     RayContext context;
     rtcInitIntersectContext(&context.base);
     context.base.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
     context.incident_begin = scene.incident.data() + scene.incident_begin[point];
     context.incident_end = scene.incident.data() + scene.incident_begin[point + 1];
-    context.facing = facing;
+    context.facing = options.facing;
+    if (options.fade_to > 0) context.base.filter = own_filter;
 
     const double step = 1.0 / grid;
-    size_t hidden = 0;
+    double hidden = 0;
     size_t sample = 0;
     // Packets of 16 rays through neighbouring cells.
     for (uint32_t block_y = 0; block_y < grid; block_y += 4) {
         for (uint32_t block_x = 0; block_x < grid; block_x += 4) {
             alignas(64) int valid[16];
-            alignas(64) RTCRay16 rays;
+            alignas(64) RTCRayHit16 hits{};
+            RTCRay16& rays = hits.ray;
             for (uint32_t k = 0; k < 16; ++k) {
                 const double u = (block_x + k % 4 + random()) * step;
                 const double v = (block_y + k / 4 + random()) * step;
@@ -196,11 +206,18 @@ void trace_receiver(const TraceScene& scene, const glm::dvec3& origin, const glm
                 rays.id[k] = k;
                 rays.flags[k] = 0;
             }
-            rtcOccluded16(valid, scene.scene.get(), &context.base, &rays);
+            if (options.fade_to > 0) {
+                std::fill(std::begin(hits.hit.geomID), std::end(hits.hit.geomID), RTC_INVALID_GEOMETRY_ID);
+                rtcIntersect16(valid, scene.scene.get(), &context.base, &hits);
+            } else {
+                rtcOccluded16(valid, scene.scene.get(), &context.base, &rays);
+            }
             for (uint32_t k = 0; k < 16; ++k) {
-                const bool blocked = valid[k] == 0 || rays.tfar[k] < 0;
-                scratch.blocked[sample + k] = blocked;
-                hidden += blocked;
+                double part = valid[k] == 0 || rays.tfar[k] < 0;
+                if (options.fade_to > 0 && valid[k] != 0)
+                    part = hidden_part(options, static_cast<double>(rays.tfar[k]));
+                scratch.hidden[sample + k] = part;
+                hidden += part;
             }
             sample += 16;
         }
@@ -208,15 +225,16 @@ void trace_receiver(const TraceScene& scene, const glm::dvec3& origin, const glm
 
     // Either the open rays are summed, or the blocked ones are taken from what an open hemisphere has,
     // exactly: the fewer, since what is known exactly adds no noise.
-    const bool from_open = hidden * 2 < samples;
+    const bool from_open = hidden * 2 < static_cast<double>(samples);
     double part[25] = {};
     for (size_t k = 0; k < samples; ++k) {
-        if ((scratch.blocked[k] != 0) != from_open) continue;
+        const double share = from_open ? scratch.hidden[k] : 1 - scratch.hidden[k];
+        if (share == 0) continue;
         double basis[25];
         const glm::dvec3& s = scratch.direction[k];
         sh_basis(s.x, s.y, s.z, basis);
         for (int i = 0; i < 25; ++i)
-            part[i] += basis[i];
+            part[i] += share * basis[i];
     }
     // A cosine-distributed ray has the density cos / pi, which is the integrand's own factor.
     const double mean = 1.0 / static_cast<double>(samples);
@@ -239,7 +257,9 @@ TraceScene make_trace_scene(const Assembly& all) {
     }
     const FlushDenormals guard;
     result.scene.reset(rtcNewScene(device));
-    rtcSetSceneFlags(result.scene.get(), RTC_SCENE_FLAG_ROBUST);
+    // Who looks for the nearest hit brings a filter, or none.
+    rtcSetSceneFlags(result.scene.get(), static_cast<RTCSceneFlags>(RTC_SCENE_FLAG_ROBUST |
+                                                                    RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION));
     const size_t triangles = all.indices.size() / 3;
     if (triangles > 0) {
         RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
@@ -254,7 +274,7 @@ TraceScene make_trace_scene(const Assembly& all) {
         }
         std::memcpy(positions, all.positions.data(), all.positions.size() * sizeof(glm::vec3));
         std::memcpy(indices, all.indices.data(), triangles * 3 * sizeof(uint32_t));
-        rtcSetGeometryOccludedFilterFunction(geometry, occlusion_filter);
+        rtcSetGeometryOccludedFilterFunction(geometry, own_filter);
         rtcCommitGeometry(geometry);
         rtcAttachGeometry(result.scene.get(), geometry);
         rtcReleaseGeometry(geometry);
@@ -368,7 +388,7 @@ TraceResult trace_transfer(const TraceScene& scene, const Assembly& all, const T
             for (uint32_t set = 0; set < sets; ++set) {
                 double sum[25] = {};
                 const Random random{scramble(scramble(options.seed * 2 + set) ^ r)};
-                trace_receiver(scene, origin, normal, point, grid, options.facing, random, scratch, sum);
+                trace_receiver(scene, origin, normal, point, grid, options, random, scratch, sum);
                 for (int i = 0; i < 25; ++i) {
                     if (options.halves)
                         result.half[set][size_t{vertex} * 25 + i] = static_cast<float>(sum[i]);

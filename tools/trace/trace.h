@@ -52,7 +52,10 @@ struct TraceOptions {
     uint32_t rays = 1024; // a receiver; rounded up to a square of a multiple of 4
     uint64_t seed = 1;
     Facing facing = Facing::both;
-    double lift = 0;     // of the scene's diagonal: moves the rays' origins along the normal
+    double lift = 0; // of the scene's diagonal: moves the rays' origins along the normal
+    // Distances, in the unit of the positions, between which what blocks hides less and less, as a smooth
+    // step falls: FrameDesc::falloff. The fan of incident triangles hides all. 0, 0: no falloff.
+    double fade_from = 0, fade_to = 0;
     bool halves = false; // half of the rays each in two independent sets, so that the noise can be told
     const std::atomic<bool>* cancel = nullptr;
     std::function<void(double)> progress = nullptr; // from one thread at a time, in [0, 1]

@@ -79,9 +79,10 @@ struct FrameMesh {
 // Occlusion that fades with distance, as artists use it: blockers nearer than `from` hide all of the light
 // from behind them, those beyond `to` none, in between as a smooth step. In the unit of the positions. It is
 // no physical light: what is far away hides the sky in truth. Use it where only contact should darken, in a
-// room say, or where a far blocker is another object's business. The step has four stairs, which triangles
-// smaller than a stair climb as a whole, larger ones point by point: those are cut for each receiver, and a
-// frame of such takes 7 to 80 times as long as without (docs/outputs.md).
+// room say. Samples of a mask are hidden in part, in sixteenths, by how far off they meet a triangle; own
+// triangles and a closed part around a receiver hide all. Masks have the samples of which anything is
+// hidden. Short distances make a frame cheaper, those in the midst of a mesh up to a quarter dearer
+// (docs/outputs.md).
 struct Falloff {
     float from = 0;
     float to = 0; // 0: none, all distances count
