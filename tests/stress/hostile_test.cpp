@@ -444,7 +444,7 @@ scenes::Mesh room_with_a_door() {
 // asking).
 TEST(Hostile, M11ARoomWithADoorIsDarkBesideTheDoor) {
     const scenes::Mesh walls = room_with_a_door();
-    const uint64_t count = std::max<uint64_t>(stress_cases() / 10, 100);
+    const uint64_t count = std::max<uint64_t>(stress_cases() / 25, 100);
     Random random(stress_seed() * 29);
     std::vector<glm::vec3> at, n;
     for (uint64_t k = 0; k < count; ++k) {
