@@ -81,7 +81,7 @@ struct FrameMesh {
 // no physical light: what is far away hides the sky in truth. Use it where only contact should darken, in a
 // room say. Samples of a mask are hidden in part, in sixteenths, by how far off they meet a triangle; own
 // triangles and a closed part around a receiver hide all. Masks have the samples of which anything is
-// hidden. Short distances make a frame cheaper, those in the midst of a mesh up to a quarter dearer
+// hidden. Short distances make a frame cheaper, those in the midst of a mesh up to a third dearer
 // (docs/outputs.md).
 struct Falloff {
     float from = 0;
