@@ -144,8 +144,8 @@ std::vector<std::array<uint32_t, 4>> sorted(const JobList& list) {
 bool same_jobs(const Kernels& k, size_t inputs,
                const std::function<void(const Kernels&, size_t, JobList&)>& make) {
     Jobs ours, theirs;
-    ours.reserve(jobs_per_cluster + 64);
-    theirs.reserve(jobs_per_cluster + 64);
+    ours.reserve(jobs_per_cluster(fine_layout) + 64);
+    theirs.reserve(jobs_per_cluster(fine_layout) + 64);
     for (size_t i = 0; i < inputs; ++i) {
         JobList a = ours.list(), b = theirs.list();
         make(k, i, a);
@@ -159,7 +159,7 @@ void time_jobs(State& state, const Kernels& k, size_t inputs, const std::functio
                const std::function<void(const Kernels&, size_t, JobList&)>& make) {
     if (!same_jobs(k, inputs, make)) return state.SkipWithError(wrong);
     Jobs out;
-    out.reserve(jobs_per_cluster + 64);
+    out.reserve(jobs_per_cluster(fine_layout) + 64);
     double made = 0, all = 0;
     for (size_t i = 0; i < inputs; ++i) {
         JobList list = out.list();
@@ -215,7 +215,7 @@ void fading_clusters(State& state, const Kernels& k, Recording& r) {
     const auto scratch = std::make_unique<ClusterScratch>();
     Counters counters{};
     FadingList out;
-    out.reserve(jobs_per_cluster + 64);
+    out.reserve(jobs_per_cluster(fine_layout) + 64);
     uint32_t in_part = 0;
     const auto triangles = [&](size_t i) {
         return double(r.frame->views[r.pairs[i].cluster].triangle_count) * lanes;
@@ -239,7 +239,7 @@ void run_fading(State& state, const Kernels& k, Recording& r) {
     Counters counters{};
     std::vector<FadingList> lists(r.pairs.size());
     Jobs whole;
-    whole.reserve(jobs_per_cluster + 64);
+    whole.reserve(jobs_per_cluster(fine_layout) + 64);
     Aligned<float> directions(fade_directions_size(tables.layout));
     build_fade_directions(tables.layout, directions.data());
     const size_t samples = size_t{lanes} * mask_bits(tables.layout);
@@ -247,7 +247,7 @@ void run_fading(State& state, const Kernels& k, Recording& r) {
     Aligned<uint64_t> words[2] = {Aligned<uint64_t>(samples / 1024), Aligned<uint64_t>(samples / 1024)};
     const Aligned<uint8_t> masks(samples / 8);
     for (size_t i = 0; i < lists.size(); ++i) {
-        lists[i].reserve(jobs_per_cluster + 64);
+        lists[i].reserve(jobs_per_cluster(fine_layout) + 64);
         JobList unused = whole.list();
         FadingJobs fading = lists[i].list();
         scalar.fading_cluster_jobs(r.batches[r.pairs[i].batch], r.frame->views[r.pairs[i].cluster], points,
@@ -290,7 +290,6 @@ void fans(State& state, const Kernels& k, Recording& r) {
 }
 
 void run_lists(State& state, const Kernels& k, const Tables& tables, std::vector<Jobs>& jobs) {
-    const uint32_t half = mask_bytes(tables.layout) / 2;
     Aligned<uint8_t> ours(size_t{lanes} * mask_bytes(tables.layout)), theirs = ours;
     for (Jobs& list : jobs) {
         JobList a = list.list(), b = list.list();
@@ -317,12 +316,12 @@ void run_lists(State& state, const Kernels& k, const Tables& tables, std::vector
            {.inputs = parts.size(),
             .run = once,
             .items = [&](size_t i) { return parts[i].count; },
-            .bytes_per_item = 4.0 * half,
+            .bytes_per_item = 4.0 * part_bytes(tables.layout),
             .working_set = plane_table_bytes(tables.layout)});
 }
 
-// Planes all over the table, so that its size is the working set: 32 KB is in the first-level cache, 512 KB
-// in the second, 2 and 8 MB in the third on most machines.
+// Planes all over the table, so that its size is the working set: 16 KB is in the first-level cache, 256 KB
+// and 1 MB in the second, 4 MB in the third on most machines.
 void run_random(State& state, const Kernels& k, uint32_t cells) {
     const MaskLayout layout{SampleMap::scattered, PlaneMap::octahedral, 32, cells};
     Aligned<uint8_t> planes(plane_table_bytes(layout));
@@ -342,7 +341,7 @@ void run_random(State& state, const Kernels& k, uint32_t cells) {
         for (uint32_t j = 0; j < 512; ++j) {
             const uint32_t offset = (next() & 1) * (mask_bytes(layout) / 2);
             for (auto& plane : list.plane)
-                plane[j] = (next() % table_cells(layout) * mask_bytes(layout) + offset) | (next() & 1);
+                plane[j] = next() % table_cells(layout) * cell_bytes(layout) | (next() & 1);
             list.destination[j] = j % lanes * mask_bytes(layout) + offset;
         }
     }
@@ -596,10 +595,10 @@ void register_all() {
         {"fan_jobs/hand", standard(fans)},
         {"run_jobs/standard", standard(lists)},
         {"run_jobs/fine", fine(lists)},
-        {"run_jobs/random_32KB", [](State& state, const Kernels& k) { run_random(state, k, 16); }},
-        {"run_jobs/random_512KB", [](State& state, const Kernels& k) { run_random(state, k, 64); }},
-        {"run_jobs/random_2MB", [](State& state, const Kernels& k) { run_random(state, k, 128); }},
-        {"run_jobs/random_8MB", [](State& state, const Kernels& k) { run_random(state, k, 256); }},
+        {"run_jobs/random_16KB", [](State& state, const Kernels& k) { run_random(state, k, 16); }},
+        {"run_jobs/random_256KB", [](State& state, const Kernels& k) { run_random(state, k, 64); }},
+        {"run_jobs/random_1MB", [](State& state, const Kernels& k) { run_random(state, k, 128); }},
+        {"run_jobs/random_4MB", [](State& state, const Kernels& k) { run_random(state, k, 256); }},
         {"integrate/standard", standard(bits)},
         {"integrate/fine", fine(bits)},
         {"integrate/per_block", standard(blocks)},

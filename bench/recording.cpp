@@ -129,7 +129,7 @@ Recording::Recording(Quality quality, uint32_t batch_count) {
             scalar.select_clusters(batch.bounds, frame->cluster_bounds, nullptr, frame->cluster_count,
                                    tables->horizon, selected.data(), &tested);
         Jobs& made = jobs[b];
-        made.reserve(size_t{count + 1} * jobs_per_cluster);
+        made.reserve(size_t{count + 1} * jobs_per_cluster(tables->layout));
         JobList list = made.list();
         for (uint32_t i = 0; i < count; ++i) {
             pairs.push_back({b, selected[i]});

@@ -32,7 +32,7 @@ void run_jobs(const Tables& tables, const float* directions, const Fade& fade, F
     const uint32_t bytes = mask_bytes(layout), bits = mask_bits(layout), words = mask_blocks(layout) / 64;
     for (uint32_t j = 0; j < jobs.list.count; ++j) {
         const uint32_t destination = jobs.list.destination[j], lane = destination / bytes;
-        for (uint32_t i = 0; i < bytes / 2; ++i) {
+        for (uint32_t i = 0; i < part_bytes(layout); ++i) {
             uint32_t inside = ~uint32_t(masks[destination + i]) & 0xFF;
             for (uint32_t k = 0; k < 3; ++k) {
                 const uint32_t entry = jobs.list.plane[k][j];

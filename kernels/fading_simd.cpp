@@ -62,18 +62,18 @@ HWY_INLINE void raise_parts(const Plane& plane, const float* direction, uint32_t
     }
 }
 
-template<uint32_t half_bytes>
+template<uint32_t part_bytes, uint32_t bytes>
 void run_jobs_of(const Tables& tables, const float* directions, const Fade& fade, FadingJobs& jobs,
                  const uint8_t* masks, FadingParts& out) {
     const hn::CappedTag<uint32_t, 16> d;
     constexpr uint32_t step = hn::MaxLanes(hn::CappedTag<uint32_t, 16>()) * 4;
-    constexpr uint32_t ahead = 12, bytes = 2 * half_bytes, words = bytes / 128;
+    constexpr uint32_t ahead = 12, words = bytes / 128;
     const uint8_t* planes = tables.planes;
     const JobList& list = jobs.list;
     for (uint32_t j = 0; j < list.count; ++j) {
         const uint32_t next = j + ahead < list.count ? j + ahead : j;
         for (uint32_t k = 0; k < 3; ++k) {
-            for (uint32_t line = 0; line < half_bytes; line += 64)
+            for (uint32_t line = 0; line < part_bytes; line += 64)
                 __builtin_prefetch(planes + (list.plane[k][next] & ~63u) + line);
         }
         const uint32_t e0 = list.plane[0][j], e1 = list.plane[1][j], e2 = list.plane[2][j];
@@ -83,8 +83,8 @@ void run_jobs_of(const Tables& tables, const float* directions, const Fade& fade
         const uint8_t* p1 = planes + (e1 & ~63u);
         const uint8_t* p2 = planes + (e2 & ~63u);
         const uint32_t destination = list.destination[j];
-        alignas(64) uint64_t covered[half_bytes / 8];
-        for (uint32_t i = 0; i < half_bytes; i += step) {
+        alignas(64) uint64_t covered[part_bytes / 8];
+        for (uint32_t i = 0; i < part_bytes; i += step) {
             const auto load = [&](const uint8_t* p)
                                   HWY_ATTR { return hn::Load(d, reinterpret_cast<const uint32_t*>(p + i)); };
             const auto inside =
@@ -98,7 +98,7 @@ void run_jobs_of(const Tables& tables, const float* directions, const Fade& fade
                           constant(fade.steepness)};
         uint8_t* const parts = out.parts + size_t(lane) * bytes * 8;
         uint64_t* const touched = out.touched + lane * words;
-        for (uint32_t w = 0; w < half_bytes / 8; ++w) {
+        for (uint32_t w = 0; w < part_bytes / 8; ++w) {
             for (uint64_t left = covered[w]; left;) {
                 const uint32_t in_word = static_cast<uint32_t>(__builtin_ctzll(left)) / 16;
                 const uint32_t block = first + 4 * w + in_word;
@@ -116,9 +116,9 @@ void run_jobs_of(const Tables& tables, const float* directions, const Fade& fade
 void run_jobs(const Tables& tables, const float* directions, const Fade& fade, FadingJobs& jobs,
               const uint8_t* masks, FadingParts& parts) {
     if (mask_bytes(tables.layout) == 128) {
-        run_jobs_of<64>(tables, directions, fade, jobs, masks, parts);
+        run_jobs_of<64, 128>(tables, directions, fade, jobs, masks, parts);
     } else {
-        run_jobs_of<256>(tables, directions, fade, jobs, masks, parts);
+        run_jobs_of<128, 512>(tables, directions, fade, jobs, masks, parts);
     }
 }
 

@@ -84,7 +84,7 @@ Vec find_outside(const Local& local, uint32_t count) {
 
 void fill_fan(const Tables& tables, const Batch& batch, uint32_t lane, const float* const* link,
               uint32_t count, uint8_t* mask) {
-    const uint32_t bytes = mask_bytes(tables.layout), words = bytes / 8;
+    const uint32_t words = mask_bytes(tables.layout) / 8, of_part = part_bytes(tables.layout);
     const auto local = [&](uint32_t i) {
         return to_local(batch, lane, {link[i][0], link[i][1], link[i][2]});
     };
@@ -106,9 +106,10 @@ void fill_fan(const Tables& tables, const Batch& batch, uint32_t lane, const flo
         const uint64_t certain = is_upright(a) || is_upright(b) ? 0 : ~uint64_t(0);
         for (uint32_t w = 0; w < words; ++w) {
             uint64_t inside = ~uint64_t(0);
-            for (const uint32_t e : wedge.entry) {
+            for (const uint32_t entry : wedge.entry) {
+                const uint32_t e = entry_of_part(tables.layout, entry, 8 * w / of_part);
                 uint64_t plane;
-                std::memcpy(&plane, tables.planes + (e & ~63u) + 8 * w, 8);
+                std::memcpy(&plane, tables.planes + (e & ~63u) + 8 * w % of_part, 8);
                 inside &= plane ^ (0 - uint64_t(e & 1));
             }
             twos[w] ^= (ones[w] ^ borrow) & inside;

@@ -102,15 +102,17 @@ using TrianglesAlong = uint64_t (*)(const Rays& rays, const ClusterView& cluster
 using CountCrossings = void (*)(const Rays& rays, const ClusterView& cluster, const float* points,
                                 int32_t winding[lanes]);
 
-// Rasterisation jobs of half masks: mask half `destination` |= AND of the half-spaces of three entries.
-// Arrays of `job_capacity`, plus 16 of slack.
+// Rasterisation jobs: the part of a mask at `destination` |= AND of the half-spaces of three entries. Arrays
+// with room for 16 more than are added.
 struct JobList {
-    uint32_t* plane[3];    // entries (layout.h) with the half's byte offset added
+    uint32_t* plane[3];    // entries as the part has them (layout.h, entry_of_part)
     uint32_t* destination; // byte offset into the batch's masks
     uint32_t count;
 };
 // A cluster adds at most this many.
-constexpr uint32_t jobs_per_cluster = cluster_triangles * lanes * 2;
+constexpr uint32_t jobs_per_cluster(const MaskLayout& l) {
+    return cluster_triangles * lanes * mask_parts(l);
+}
 
 struct Counters {
     uint64_t triangles_considered;
@@ -122,9 +124,9 @@ struct Counters {
 
 struct alignas(64) ClusterScratch {
     float local[cluster_vertices][3][lanes]; // x, y, z
-    uint64_t reach[cluster_vertices];  // one bit a lane each: above the tangent plane, over the horizon,
-                                       // nearer than `farthest`, not nearer than `nearest`
-    uint32_t halves[cluster_vertices]; // one bit a lane each: y < 0, y > 0
+    uint64_t reach[cluster_vertices]; // one bit a lane each: above the tangent plane, over the horizon,
+                                      // nearer than `farthest`, not nearer than `nearest`
+    uint64_t signs[cluster_vertices]; // one bit a lane each: y < 0, y > 0, x < 0, x > 0
     uint32_t entry[cluster_edges][lanes];
     // Where both sides are asked for: as `reach` (the first two) and `entry`, for receivers that look behind.
     uint32_t behind[cluster_vertices];
@@ -138,7 +140,7 @@ struct Fade {
     float steepness; // one over their difference, 1e30 at most
 };
 
-// Half masks of which each sample is hidden in part: those of a JobList, and the triangle's plane as the
+// Parts of masks of which each sample is hidden in part: those of a JobList, and the triangle's plane as the
 // receiver has it in its tangent frame. In the unit direction d it is 1 / (inverse . d) away.
 struct FadingJobs {
     JobList list;
@@ -168,7 +170,7 @@ using FadingClusterJobs = void (*)(const Batch& batch, const ClusterView& cluste
                                    Counters& counters);
 
 // Adds the jobs of one triangle a lane (corners[corner][axis][lane], frame space; `active` bit a lane).
-// `two_sided` bit a lane. As ClusterJobs otherwise.
+// `two_sided` bit a lane. At most a job a lane and part of the mask. As ClusterJobs otherwise.
 using TriangleJobs = void (*)(const Batch& batch, const float corners[3][3][lanes], uint32_t active,
                               uint32_t two_sided, const MaskLayout& layout, float horizon, JobList& jobs,
                               Counters& counters);
@@ -256,6 +258,8 @@ void build_weights(const MaskLayout& layout, SampleBit* bits, int16_t* nibbles, 
 // The sample direction of a bit (block-ordered as in the mask), in the tangent frame. False: the cell is
 // unused.
 bool sample_direction(const MaskLayout& layout, uint32_t bit, double direction[3]);
+// The bit of the square's cell (x, y), of `side` along each side.
+uint32_t bit_of_cell(const MaskLayout& layout, uint32_t x, uint32_t y);
 // The tangent of the elevation below which no sample lies, less the table's angular error: culling below it
 // is invisible.
 float horizon_tangent(const MaskLayout& layout);

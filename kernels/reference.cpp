@@ -6,6 +6,7 @@
 #include "kernels/scalar.h"
 #include "kernels/touching.h"
 
+#include <algorithm>
 #include <cstring>
 
 namespace nusselt::kernels {
@@ -21,16 +22,13 @@ struct Constant {
 void add_jobs(const MaskLayout& layout, const uint32_t entry[3][lanes], const Vec corner[3][lanes],
               uint32_t active, JobList& jobs) {
     const uint32_t bytes = mask_bytes(layout);
-    for (uint32_t half = 0; half < 2; ++half) {
+    for (uint32_t part = 0; part < mask_parts(layout); ++part) {
         for (uint32_t lane = 0; lane < lanes; ++lane) {
             if (!(active >> lane & 1)) continue;
-            bool reaches = false;
+            if (!reaches_part(layout, part, corner[0][lane], corner[1][lane], corner[2][lane])) continue;
             for (uint32_t k = 0; k < 3; ++k)
-                reaches = reaches || (half ? corner[k][lane].y > 0 : corner[k][lane].y < 0);
-            if (!reaches) continue;
-            for (uint32_t k = 0; k < 3; ++k)
-                jobs.plane[k][jobs.count] = entry[k][lane] + half * (bytes / 2);
-            jobs.destination[jobs.count] = lane * bytes + half * (bytes / 2);
+                jobs.plane[k][jobs.count] = entry_of_part(layout, entry[k][lane], part);
+            jobs.destination[jobs.count] = lane * bytes + part * part_bytes(layout);
             ++jobs.count;
         }
     }
@@ -333,13 +331,12 @@ uint32_t fan_jobs(const Batch& batch, const float corners[2][3][lanes], uint32_t
 }
 
 void run_jobs(const Tables& tables, JobList& jobs, uint8_t* masks) {
-    const uint32_t bytes = mask_bytes(tables.layout) / 2;
+    const uint32_t bytes = part_bytes(tables.layout);
     for (uint32_t j = 0; j < jobs.count; ++j) {
         for (uint32_t i = 0; i < bytes; ++i) {
             uint32_t inside = 0xFF;
             for (uint32_t k = 0; k < 3; ++k) {
-                const uint32_t entry = jobs.plane[k][j];
-                const uint32_t plane = tables.planes[(entry & ~63u) + i];
+                const uint32_t entry = jobs.plane[k][j], plane = tables.planes[(entry & ~63u) + i];
                 inside &= entry & 1 ? ~plane : plane;
             }
             masks[jobs.destination[j] + i] = uint8_t(masks[jobs.destination[j] + i] | inside);

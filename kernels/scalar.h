@@ -37,7 +37,7 @@ inline uint32_t plane_entry(const MaskLayout& layout, const Vec& n) {
         const float scale = (half - 0.5f) / sum;
         const uint32_t u = clamp_cell((x + y) * scale + half, cells),
                        v = clamp_cell((x - y) * scale + half, cells);
-        return ((v * cells + u) << cell_shift(layout)) | (below ? 0u : 1u);
+        return (((v << row_shift(layout)) + u) << cell_shift(layout)) | (below ? 0u : 1u);
     }
     // The paper's cube map. The half-space n.d <= 0 is that of -n, the opposite cell of the opposite face.
     const uint32_t axis = ax >= ay && ax >= az ? 0 : ay >= az ? 1 : 2;
@@ -48,6 +48,16 @@ inline uint32_t plane_entry(const MaskLayout& layout, const Vec& n) {
     const uint32_t v = clamp_cell((axis == 2 ? n.y : n.z) * scale + half, cells);
     const uint32_t face = axis * 2 + (std::signbit(major) ? 1u : 0u);
     return (((face * cells + v) * cells + u) << cell_shift(layout)) ^ entry_complement(layout);
+}
+
+// Whether a triangle with these corners reaches a part of the mask. Conservative.
+inline bool reaches_part(const MaskLayout& layout, uint32_t part, const Vec& a, const Vec& b, const Vec& c) {
+    const auto any = [](bool positive, float x, float y, float z) {
+        return positive ? x > 0 || y > 0 || z > 0 : x < 0 || y < 0 || z < 0;
+    };
+    const bool quarters = mask_parts(layout) == 4;
+    return any(quarters ? part >= 2 : part == 1, a.y, b.y, c.y) &&
+           (!quarters || any(part == 1 || part == 2, a.x, b.x, c.x));
 }
 
 inline Vec to_local(const Batch& batch, uint32_t lane, const Vec& point) {

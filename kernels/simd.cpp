@@ -128,7 +128,7 @@ HWY_INLINE U plane_entry(const MaskLayout& layout, const Vec3& n) {
         const V scale = hn::Div(hn::Sub(half, constant(0.5f)), sum);
         const U u = cell_index(hn::Add(hn::Mul(hn::Add(x, y), scale), half), top);
         const U v = cell_index(hn::Add(hn::Mul(hn::Sub(x, y), scale), half), top);
-        const U cell = hn::Add(hn::Mul(v, hn::Set(du, layout.plane_cells)), u);
+        const U cell = hn::Or(hn::ShiftLeftSame(v, static_cast<int>(row_shift(layout))), u);
         const U above = hn::Xor(hn::ShiftRight<31>(hn::BitCast(du, n.z)), hn::Set(du, 1));
         const U entry = hn::Or(hn::ShiftLeftSame(cell, shift), above);
         return hn::IfThenElse(hn::RebindMask(du, valid), entry, hn::Set(du, entry_invalid));
@@ -187,11 +187,10 @@ HWY_INLINE U compress(U values, uint32_t bits) {
     }
 }
 
-HWY_INLINE void append(const U entry[3], U destination, uint32_t offset, uint32_t bits, JobList& jobs) {
-    const U add = hn::Set(du, offset);
+HWY_INLINE void append(const U entry[3], U destination, uint32_t bits, JobList& jobs) {
     for (uint32_t k = 0; k < 3; ++k)
-        hn::StoreU(compress(hn::Add(entry[k], add), bits), du, jobs.plane[k] + jobs.count);
-    hn::StoreU(compress(hn::Add(destination, add), bits), du, jobs.destination + jobs.count);
+        hn::StoreU(compress(entry[k], bits), du, jobs.plane[k] + jobs.count);
+    hn::StoreU(compress(destination, bits), du, jobs.destination + jobs.count);
     jobs.count += static_cast<uint32_t>(__builtin_popcount(bits));
 }
 
@@ -200,12 +199,77 @@ HWY_INLINE U destinations(const MaskLayout& layout, uint32_t lane) {
     return hn::Mul(hn::Iota(du, lane), hn::Set(du, mask_bytes(layout)));
 }
 
-// One job for each half of the mask that the triangle reaches: lanes `lower` of the first, `upper` of the
-// second.
-HWY_INLINE void add_jobs(const MaskLayout& layout, const U entry[3], U destination, uint32_t lower,
-                         uint32_t upper, JobList& jobs) {
-    append(entry, destination, 0, lower, jobs);
-    append(entry, destination, mask_bytes(layout) / 2, upper, jobs);
+HWY_INLINE uint64_t signs_of(V x, V y) {
+    const V zero = hn::Zero(df);
+    return uint64_t(bits_of(hn::Lt(y, zero))) | uint64_t(bits_of(hn::Gt(y, zero))) << 16 |
+           uint64_t(bits_of(hn::Lt(x, zero))) << 32 | uint64_t(bits_of(hn::Gt(x, zero))) << 48;
+}
+
+// The lanes of `active` in which a triangle reaches each part of the mask, in the order in which add_jobs
+// adds them; returns how many parts there are. `signs`: a bit a lane each, that a corner has y < 0, y > 0, x
+// < 0, x > 0.
+HWY_INLINE uint32_t lanes_by_part(const MaskLayout& layout, uint32_t active, uint64_t signs,
+                                  uint32_t out[4]) {
+    const uint32_t lower = active & static_cast<uint32_t>(signs),
+                   upper = active & static_cast<uint32_t>(signs >> 16),
+                   left = static_cast<uint32_t>(signs >> 32), right = static_cast<uint32_t>(signs >> 48);
+    if (mask_parts(layout) == 2) {
+        out[0] = lower;
+        out[1] = upper;
+        return 2;
+    }
+    out[0] = lower & left;
+    out[1] = lower & right;
+    out[2] = upper & right;
+    out[3] = upper & left;
+    return 4;
+}
+
+// One job for each part of the mask that the triangle reaches.
+template<PlaneMap map>
+HWY_INLINE void add_jobs(const MaskLayout& layout, const U entry[3], U destination, uint32_t active,
+                         uint64_t signs, JobList& jobs) {
+    uint32_t reaching[4];
+    const uint32_t parts = lanes_by_part(layout, active, signs, reaching);
+    const U part = hn::Set(du, part_bytes(layout));
+    U turned[3];
+    if constexpr (map == PlaneMap::cube) {
+        append(entry, destination, reaching[0], jobs);
+        for (uint32_t k = 0; k < 3; ++k)
+            turned[k] = hn::Add(entry[k], part);
+        append(turned, hn::Add(destination, part), reaching[1], jobs);
+        return;
+    }
+    const auto half_turn = [&](const U from[3]) HWY_ATTR {
+        const U last = hn::Set(du, last_cell(layout) + 3), flags = hn::Set(du, 3);
+        for (uint32_t k = 0; k < 3; ++k)
+            turned[k] = hn::Xor(hn::Sub(last, from[k]), flags);
+    };
+    if (parts == 2) {
+        half_turn(entry);
+        append(turned, destination, reaching[0], jobs);
+        append(entry, hn::Add(destination, part), reaching[1], jobs);
+        return;
+    }
+    U quarter[3];
+    if (reaching[1] | reaching[3]) {
+        const int shift = static_cast<int>(row_shift(layout));
+        const U row = hn::Set(du, (layout.plane_cells - 1) << cell_shift(layout));
+        for (uint32_t k = 0; k < 3; ++k)
+            quarter[k] = hn::Or(hn::Or(hn::ShiftLeftSame(hn::And(entry[k], row), shift),
+                                       hn::Sub(row, hn::And(hn::ShiftRightSame(entry[k], shift), row))),
+                                hn::And(entry[k], hn::Set(du, 3)));
+    }
+    if (reaching[0]) {
+        half_turn(entry);
+        append(turned, destination, reaching[0], jobs);
+    }
+    if (reaching[1]) {
+        half_turn(quarter);
+        append(turned, hn::Add(destination, part), reaching[1], jobs);
+    }
+    if (reaching[2]) append(entry, hn::Add(destination, hn::Add(part, part)), reaching[2], jobs);
+    if (reaching[3]) append(quarter, hn::Add(destination, hn::Mul(part, hn::Set(du, 3))), reaching[3], jobs);
 }
 
 HWY_INLINE M valid_entries(const U entry[3]) {
@@ -666,7 +730,7 @@ HWY_INLINE void place_corners(const ClusterWork& work, const Chunk& chunk, const
         const uint64_t over = bits_of(hn::Gt(hn::Sub(local.z, rise), zero));
         const uint64_t near = bits_of(hn::Lt(square, farthest)), far = bits_of(hn::Ge(square, nearest));
         scratch.reach[v] = above | over << 16 | near << 32 | far << 48;
-        scratch.halves[v] = bits_of(hn::Lt(local.y, zero)) | bits_of(hn::Gt(local.y, zero)) << 16;
+        scratch.signs[v] = signs_of(local.x, local.y);
         if constexpr (fading)
             scratch.near[v] = bits_of(hn::Lt(square, constant(work.fade->from * work.fade->from)));
         if constexpr (both) {
@@ -762,40 +826,47 @@ HWY_INLINE uint32_t load_entries(const ClusterWork& work, uint32_t t, const uint
     return active;
 }
 
-// `lower`, `upper`: lanes in which the triangle reaches the mask's first and second half.
+template<PlaneMap map>
 HWY_INLINE void add_triangle(const ClusterWork& work, uint32_t t, const uint32_t entries[][lanes],
-                             uint32_t visible, uint32_t back, U destination, uint32_t lower, uint32_t upper) {
+                             uint32_t visible, uint32_t back, U destination, uint64_t signs) {
     U entry[3];
     const uint32_t active = load_entries(work, t, entries, visible, back, entry);
-    add_jobs(work.layout, entry, destination, active & lower, active & upper, work.jobs);
+    add_jobs<map>(work.layout, entry, destination, active, signs, work.jobs);
+}
+
+// Signs as a receiver that looks the other way has them: y turns over.
+uint64_t from_behind(uint64_t signs) {
+    return (signs & ~0xFFFFFFFFull) | (signs >> 16 & 0xFFFF) | (signs & 0xFFFF) << 16;
 }
 
 // The same of a triangle of which a fade may leave a part.
 HWY_INLINE void add_fading(const ClusterWork& work, const Chunk& chunk, uint32_t t, uint32_t visible,
-                           uint32_t back, U destination, uint32_t lower, uint32_t upper) {
+                           uint32_t back, U destination, uint64_t signs) {
     const ClusterScratch& scratch = work.scratch;
     const uint8_t* triangle = work.cluster.triangles + 8 * t;
     U entry[3];
     const uint32_t active = load_entries(work, t, scratch.entry, visible, back, entry);
     const uint32_t whole =
         active & scratch.near[triangle[0]] & scratch.near[triangle[1]] & scratch.near[triangle[2]];
-    add_jobs(work.layout, entry, destination, whole & lower, whole & upper, work.jobs);
+    add_jobs<PlaneMap::octahedral>(work.layout, entry, destination, whole, signs, work.jobs);
     const uint32_t in_part = active & ~whole;
     if (!in_part) return;
     const uint32_t slots = triangle_slots(work.cluster.triangle_count);
     const float* plane = work.cluster.bounds + t;
     const V scale = hn::Div(constant(-1), height_above(work.cluster, t, chunk));
     const V nx = constant(plane[0]), ny = constant(plane[slots]), nz = constant(plane[2 * slots]);
+    uint32_t reaching[4];
+    const uint32_t parts = lanes_by_part(work.layout, in_part, signs, reaching);
     for (uint32_t row = 0; row < 3; ++row) {
         const V inverse =
             hn::Mul(dot(chunk.axis[row][0], chunk.axis[row][1], chunk.axis[row][2], nx, ny, nz), scale);
         float* to = work.fading->inverse[row] + work.fading->list.count;
-        for (const uint32_t half : {in_part & lower, in_part & upper}) {
-            hn::StoreU(hn::BitCast(df, compress(hn::BitCast(du, inverse), half)), df, to);
-            to += __builtin_popcount(half);
+        for (uint32_t part = 0; part < parts; ++part) {
+            hn::StoreU(hn::BitCast(df, compress(hn::BitCast(du, inverse), reaching[part])), df, to);
+            to += __builtin_popcount(reaching[part]);
         }
     }
-    add_jobs(work.layout, entry, destination, in_part & lower, in_part & upper, work.fading->list);
+    add_jobs<PlaneMap::octahedral>(work.layout, entry, destination, in_part, signs, work.fading->list);
 }
 
 template<PlaneMap map, bool both, bool fading>
@@ -831,20 +902,20 @@ void cluster_jobs_of(const ClusterWork& work) {
         for (uint64_t left = triangles.drawn; left; left &= left - 1) {
             const uint32_t t = static_cast<uint32_t>(__builtin_ctzll(left));
             const uint8_t* triangle = cluster.triangles + 8 * t;
-            const uint32_t halves =
-                scratch.halves[triangle[0]] | scratch.halves[triangle[1]] | scratch.halves[triangle[2]];
+            const uint64_t signs =
+                scratch.signs[triangle[0]] | scratch.signs[triangle[1]] | scratch.signs[triangle[2]];
             if (fading && !(look.before >> t & 1)) {
                 add_fading(work, chunk, t, triangles.visible[0][t],
-                           triangles.back[t] & triangles.visible[0][t], destination, halves, halves >> 16);
+                           triangles.back[t] & triangles.visible[0][t], destination, signs);
                 continue;
             }
             if (!both || triangles.visible[0][t])
-                add_triangle(work, t, scratch.entry, triangles.visible[0][t],
-                             triangles.back[t] & triangles.visible[0][t], destination, halves, halves >> 16);
+                add_triangle<map>(work, t, scratch.entry, triangles.visible[0][t],
+                                  triangles.back[t] & triangles.visible[0][t], destination, signs);
             if (both && triangles.visible[1][t])
-                add_triangle(work, t, scratch.entry_behind, triangles.visible[1][t],
-                             triangles.back[t] & triangles.visible[1][t], destination_behind, halves >> 16,
-                             halves);
+                add_triangle<map>(work, t, scratch.entry_behind, triangles.visible[1][t],
+                                  triangles.back[t] & triangles.visible[1][t], destination_behind,
+                                  from_behind(signs));
         }
     }
 }
@@ -887,10 +958,14 @@ HWY_INLINE void free_jobs(const MaskLayout& layout, const Vec3 corner[3], const 
     const M left = hn::And(active, valid_entries(entry));
     const uint32_t bits = bits_of(left);
     counter += static_cast<uint32_t>(__builtin_popcount(bits));
-    const V low = hn::Min(hn::Min(corner[0].y, corner[1].y), corner[2].y);
-    const V high = hn::Max(hn::Max(corner[0].y, corner[1].y), corner[2].y);
-    add_jobs(layout, entry, destinations(layout, lane), bits & bits_of(hn::Lt(low, hn::Zero(df))),
-             bits & bits_of(hn::Gt(high, hn::Zero(df))), jobs);
+    uint64_t signs = 0;
+    for (uint32_t k = 0; k < 3; ++k)
+        signs |= signs_of(corner[k].x, corner[k].y);
+    if (layout.planes == PlaneMap::octahedral) {
+        add_jobs<PlaneMap::octahedral>(layout, entry, destinations(layout, lane), bits, signs, jobs);
+    } else {
+        add_jobs<PlaneMap::cube>(layout, entry, destinations(layout, lane), bits, signs, jobs);
+    }
 }
 
 HWY_INLINE Vec3 load_corner(const Chunk& chunk, const float corner[3][lanes], uint32_t lane) {
@@ -954,7 +1029,7 @@ uint32_t fan_jobs(const Batch& batch, const float corners[2][3][lanes], uint32_t
     return folded;
 }
 
-template<uint32_t half_bytes>
+template<uint32_t bytes>
 void run_jobs_of(const Tables& tables, JobList& jobs, uint8_t* masks) {
     const hn::CappedTag<uint32_t, 16> d;
     constexpr uint32_t step = hn::MaxLanes(hn::CappedTag<uint32_t, 16>()) * 4;
@@ -963,7 +1038,7 @@ void run_jobs_of(const Tables& tables, JobList& jobs, uint8_t* masks) {
     for (uint32_t j = 0; j < jobs.count; ++j) {
         const uint32_t next = j + ahead; // the list has slack to read past its end
         for (uint32_t k = 0; k < 3; ++k) {
-            for (uint32_t line = 0; line < half_bytes; line += 64)
+            for (uint32_t line = 0; line < bytes; line += 64)
                 __builtin_prefetch(planes + (jobs.plane[k][next < jobs.count ? next : j] & ~63u) + line);
         }
         const uint32_t e0 = jobs.plane[0][j], e1 = jobs.plane[1][j], e2 = jobs.plane[2][j];
@@ -973,7 +1048,7 @@ void run_jobs_of(const Tables& tables, JobList& jobs, uint8_t* masks) {
         const uint8_t* p1 = planes + (e1 & ~63u);
         const uint8_t* p2 = planes + (e2 & ~63u);
         uint8_t* mask = masks + jobs.destination[j];
-        for (uint32_t i = 0; i < half_bytes; i += step) {
+        for (uint32_t i = 0; i < bytes; i += step) {
             const auto load = [&](const uint8_t* p)
                                   HWY_ATTR { return hn::Load(d, reinterpret_cast<const uint32_t*>(p + i)); };
             const auto inside =
@@ -985,10 +1060,10 @@ void run_jobs_of(const Tables& tables, JobList& jobs, uint8_t* masks) {
 }
 
 void run_jobs(const Tables& tables, JobList& jobs, uint8_t* masks) {
-    if (mask_bytes(tables.layout) == 128) {
+    if (part_bytes(tables.layout) == 64) {
         run_jobs_of<64>(tables, jobs, masks);
     } else {
-        run_jobs_of<256>(tables, jobs, masks);
+        run_jobs_of<128>(tables, jobs, masks);
     }
 }
 

@@ -58,7 +58,7 @@ bool square_to_hemisphere(SampleMap map, double u, double v, double d[3]) {
 // (an open hand: 54 triangles a receiver and 0.70 % with 0.3 cells, 58 and 0.63 % with 0.2, 92 and 0.59 %
 // with none).
 constexpr double rim = 0.2;
-// In cells: nor to the line between a mask's halves. A triangle is drawn into the halves that it reaches, and
+// In cells: nor to the lines between a mask's parts. A triangle is drawn into the parts that it reaches, and
 // a plane of the table is off by a little: of two triangles that meet there, neither would hold such a
 // sample.
 constexpr double middle = 0.3;
@@ -75,14 +75,28 @@ struct Constant {
     double operator()(double value) const { return value; }
 };
 
-void cell_of_bit(uint32_t side, uint32_t bit, uint32_t& x, uint32_t& y) {
-    const uint32_t block = bit / 16, blocks_along = side / 4;
-    x = (block % blocks_along) * 4 + bit % 4;
-    y = (block / blocks_along) * 4 + (bit / 4) % 4;
+// A cell of the square, a quarter of a turn on (x to y).
+void turn_cell(uint32_t side, uint32_t& x, uint32_t& y) {
+    const uint32_t from = x;
+    x = side - 1 - y;
+    y = from;
 }
 
-uint32_t bit_of_cell(uint32_t side, uint32_t x, uint32_t y) {
-    return (y / 4 * (side / 4) + x / 4) * 16 + y % 4 * 4 + x % 4;
+// The cell that a bit has in its part before that is turned, and by how many quarters it is.
+void unturned_cell(const MaskLayout& layout, uint32_t bit, uint32_t& x, uint32_t& y, uint32_t& quarters) {
+    const bool turned = has_turned_parts(layout), narrow = turned && mask_parts(layout) == 4;
+    const uint32_t bits = 8 * cell_bytes(layout), half_side = layout.side / 2;
+    const uint32_t of_part = bit % bits, block = of_part / 16, along = layout.side / (narrow ? 8 : 4);
+    x = (block % along) * 4 + of_part % 4 + (narrow ? half_side : 0);
+    y = (block / along) * 4 + of_part / 4 % 4 + (turned ? half_side : 0);
+    quarters = turned ? quarters_of_part(layout, bit / bits) : 0;
+}
+
+void cell_of_bit(const MaskLayout& layout, uint32_t bit, uint32_t& x, uint32_t& y) {
+    uint32_t quarters;
+    unturned_cell(layout, bit, x, y, quarters);
+    for (; quarters; --quarters)
+        turn_cell(layout.side, x, y);
 }
 
 // The integral of the 25 basis functions times cosine over pi over what each bit stands for,
@@ -103,7 +117,7 @@ void cell_weights(const MaskLayout& layout, SampleBit* bits) {
     }
     for (uint32_t bit = 0; bit < count; ++bit) {
         uint32_t cx, cy;
-        cell_of_bit(side, bit, cx, cy);
+        cell_of_bit(layout, bit, cx, cy);
         for (uint32_t sample = 0; bits[bit].used && sample < samples * samples; ++sample) {
             const double u = (cx + (sample % samples + 0.5) / samples) * cell - 1,
                          v = (cy + (sample / samples + 0.5) / samples) * cell - 1;
@@ -115,7 +129,7 @@ void cell_weights(const MaskLayout& layout, SampleBit* bits) {
                 const int x = int(cx) + k % (2 * window + 1) - window,
                           y = int(cy) + k / (2 * window + 1) - window;
                 if (x < 0 || y < 0 || x >= int(side) || y >= int(side)) continue;
-                const uint32_t other = bit_of_cell(side, uint32_t(x), uint32_t(y));
+                const uint32_t other = bit_of_cell(layout, uint32_t(x), uint32_t(y));
                 const double* at = bits[other].direction;
                 const double cosine = d[0] * at[0] + d[1] * at[1] + d[2] * at[2];
                 if (cosine > most) most = cosine, nearest = other;
@@ -148,29 +162,48 @@ void cell_normal(const MaskLayout& layout, uint32_t cell, double n[3]) {
 
 } // namespace
 
+uint32_t bit_of_cell(const MaskLayout& layout, uint32_t x, uint32_t y) {
+    const bool turned = has_turned_parts(layout), narrow = turned && mask_parts(layout) == 4;
+    const uint32_t side = layout.side, half_side = side / 2;
+    uint32_t part = 0;
+    if (turned) part = !narrow ? y >= half_side : y < half_side ? x >= half_side : 2 + (x < half_side);
+    for (uint32_t back = (4 - quarters_of_part(layout, part)) % 4; back; --back)
+        turn_cell(side, x, y);
+    x -= narrow ? half_side : 0;
+    y -= turned ? half_side : 0;
+    const uint32_t along = side / (narrow ? 8 : 4);
+    return part * part_bytes(layout) * 8 + (y / 4 * along + x / 4) * 16 + y % 4 * 4 + x % 4;
+}
+
 bool sample_direction(const MaskLayout& layout, uint32_t bit, double direction[3]) {
-    uint32_t x, y;
-    cell_of_bit(layout.side, bit, x, y);
+    uint32_t x, y, quarters;
+    unturned_cell(layout, bit, x, y, quarters);
     double u = x + 0.5, v = y + 0.5;
     if (layout.samples == SampleMap::scattered) {
-        u = std::clamp(x + shift_of(y), rim, layout.side - rim);
-        v = std::clamp(y + shift_of(x), rim, layout.side - rim);
-        const double half = layout.side / 2;
-        v = v < half ? std::min(v, half - middle) : std::max(v, half + middle);
+        const double first = layout.side / 2 + middle, last = layout.side - rim;
+        u = std::clamp(x + shift_of(y), mask_parts(layout) == 4 ? first : rim, last);
+        v = std::clamp(y + shift_of(x), first, last);
     }
-    return square_to_hemisphere(layout.samples, 2 * u / layout.side - 1, 2 * v / layout.side - 1, direction);
+    if (!square_to_hemisphere(layout.samples, 2 * u / layout.side - 1, 2 * v / layout.side - 1, direction))
+        return false;
+    for (; quarters; --quarters) {
+        const double from = direction[0];
+        direction[0] = -direction[1];
+        direction[1] = from;
+    }
+    return true;
 }
 
 void build_plane_table(const MaskLayout& layout, uint32_t first_cell, uint32_t end_cell, uint8_t* planes) {
-    // Some bits of all cells, then the next: the directions of all 4096 would fill the stack of a host's
-    // fibre.
+    // Some bits of all cells, then the next: the directions of all would fill the stack of a host's fibre.
     constexpr uint32_t bits_at_once = 128;
-    const uint32_t bytes = mask_bytes(layout);
+    const uint32_t bytes = cell_bytes(layout);
+    const uint32_t begin = has_turned_parts(layout) ? mask_parts(layout) / 2 * bytes * 8 : 0;
     double directions[bits_at_once][3];
     bool used[bits_at_once];
-    for (uint32_t first_bit = 0; first_bit < mask_bits(layout); first_bit += bits_at_once) {
+    for (uint32_t first_bit = 0; first_bit < 8 * bytes; first_bit += bits_at_once) {
         for (uint32_t i = 0; i < bits_at_once; ++i)
-            used[i] = sample_direction(layout, first_bit + i, directions[i]);
+            used[i] = sample_direction(layout, begin + first_bit + i, directions[i]);
         for (uint32_t cell = first_cell; cell < end_cell; ++cell) {
             double n[3];
             cell_normal(layout, cell, n);

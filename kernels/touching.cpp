@@ -51,14 +51,11 @@ void add_lane(const Batch& batch, const ClusterView& cluster, const float* point
     }
     ++counters.triangles_rasterized;
     const uint32_t bytes = mask_bytes(layout);
-    for (uint32_t half = 0; half < 2; ++half) {
-        bool reaches = false;
-        for (const Vec& c : corner)
-            reaches = reaches || (half ? c.y > 0 : c.y < 0);
-        if (!reaches) continue;
+    for (uint32_t part = 0; part < mask_parts(layout); ++part) {
+        if (!reaches_part(layout, part, corner[0], corner[1], corner[2])) continue;
         for (uint32_t k = 0; k < 3; ++k)
-            jobs.plane[k][jobs.count] = entry[k] + half * (bytes / 2);
-        jobs.destination[jobs.count] = lane * bytes + half * (bytes / 2);
+            jobs.plane[k][jobs.count] = entry_of_part(layout, entry[k], part);
+        jobs.destination[jobs.count] = lane * bytes + part * part_bytes(layout);
         ++jobs.count;
     }
 }

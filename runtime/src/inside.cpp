@@ -173,7 +173,7 @@ void choose_oblique(const MaskLayout& layout, ObliqueSample out[oblique_samples]
     for (uint32_t i = 0; i < oblique_samples; ++i) {
         const uint32_t x = static_cast<uint32_t>(place[i][0] * float(layout.side)),
                        y = static_cast<uint32_t>(place[i][1] * float(layout.side));
-        out[i].bit = (y / 4 * (layout.side / 4) + x / 4) * 16 + y % 4 * 4 + x % 4;
+        out[i].bit = bit_of_cell(layout, x, y);
         double direction[3];
         sample_direction(layout, out[i].bit, direction);
         for (uint32_t k = 0; k < 3; ++k)

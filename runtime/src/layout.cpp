@@ -112,7 +112,7 @@ void grow(Frame& frame) {
     frame.level_bands.resize((frame.proxies ? 2 : 1) * frame.meshes.size());
     frame.triangle_bounds.resize(frame.triangle_bounds_count);
     const uint32_t sides = frame.both_at_once ? 2 : 1;
-    const size_t job_capacity = job_flush + sides * kernels::jobs_per_cluster + 64;
+    const size_t job_capacity = job_flush + sides * kernels::jobs_per_cluster(frame.quality.layout) + 64;
     // What a history looks at: clusters as they were and as they are.
     const uint32_t clusters = frame.has_history ? 2 * drawn : frame.cluster_count;
     for (Worker& w : frame.crew->workers) {

@@ -12,8 +12,8 @@ namespace nusselt::tools {
 namespace {
 
 TEST(Grid, CellsSumToTheHemisphere) {
-    for (const SampleGrid& grid : {concentric_grid(4), concentric_grid(32), scattered_grid(4),
-                                   scattered_grid(32, mask_rim, mask_middle), disk_grid(32)}) {
+    for (const SampleGrid& grid : {concentric_grid(4), concentric_grid(32), scattered_grid(4), mask_grid(32),
+                                   mask_grid(64), disk_grid(32)}) {
         for (size_t i = 0; i < 25; ++i) {
             double cells = 0, blocks = 0;
             for (size_t cell = 0; cell < grid.used.size(); ++cell)
@@ -37,15 +37,17 @@ TEST(Grid, SupersamplingIsFine) {
 
 TEST(Grid, ScatteredSamplesAreTheLibrarys) {
     for (const uint32_t side : {32u, 64u}) {
-        const SampleGrid grid = scattered_grid(side, mask_rim, mask_middle);
+        const SampleGrid grid = mask_grid(side);
         const kernels::MaskLayout layout = side == 32 ? kernels::standard_layout : kernels::fine_layout;
         ASSERT_EQ(layout.side, side);
-        for (uint32_t bit = 0; bit < side * side; ++bit) {
+        for (uint32_t cell = 0; cell < side * side; ++cell) {
+            const uint32_t x = cell / 16 % (side / 4) * 4 + cell % 4,
+                           y = cell / 16 / (side / 4) * 4 + cell % 16 / 4;
             double direction[3];
-            ASSERT_TRUE(kernels::sample_direction(layout, bit, direction));
-            ASSERT_NEAR(grid.x[bit], direction[0], 1e-6) << bit;
-            ASSERT_NEAR(grid.y[bit], direction[1], 1e-6) << bit;
-            ASSERT_NEAR(grid.z[bit], direction[2], 1e-6) << bit;
+            ASSERT_TRUE(kernels::sample_direction(layout, kernels::bit_of_cell(layout, x, y), direction));
+            ASSERT_NEAR(grid.x[cell], direction[0], 1e-6) << cell;
+            ASSERT_NEAR(grid.y[cell], direction[1], 1e-6) << cell;
+            ASSERT_NEAR(grid.z[cell], direction[2], 1e-6) << cell;
         }
     }
 }

@@ -97,8 +97,8 @@ TEST(Fading, PartsFollowTheDistance) {
             cluster.view.farthest = FLT_MAX;
             const Fade fade = random_fade(random, false);
             if (fade.to - fade.from < 0.05f) continue;
-            Jobs whole(jobs_per_cluster), all(jobs_per_cluster);
-            FadingList fading(jobs_per_cluster);
+            Jobs whole(jobs_per_cluster(l.layout)), all(jobs_per_cluster(l.layout));
+            FadingList fading(jobs_per_cluster(l.layout));
             Counters counters{};
             auto scratch = aligned_array<ClusterScratch>(1);
             k.fading_cluster_jobs(input.batch, cluster.view, cluster.points.get(), l.layout, horizon, fade,
@@ -154,8 +154,8 @@ TEST(Fading, JobsKnowTheirPlane) {
         k.prepare_batch(input.batch, input.normal);
         ClusterInput cluster;
         random_cluster(random, input.batch, false, cluster);
-        Jobs whole(jobs_per_cluster);
-        FadingList fading(jobs_per_cluster);
+        Jobs whole(jobs_per_cluster(fine_layout));
+        FadingList fading(jobs_per_cluster(fine_layout));
         Counters counters{};
         auto scratch = aligned_array<ClusterScratch>(1);
         k.fading_cluster_jobs(input.batch, cluster.view, cluster.points.get(), standard_layout,
@@ -221,8 +221,8 @@ TEST_F(FadingSets, ClusterJobs) {
             ClusterInput cluster;
             random_cluster(random, input.batch, hostile, cluster);
             const Fade fade = random_fade(random, hostile);
-            Jobs a(2 * jobs_per_cluster), b(2 * jobs_per_cluster);
-            FadingList fading_a(2 * jobs_per_cluster), fading_b(2 * jobs_per_cluster);
+            Jobs a(2 * jobs_per_cluster(l.layout)), b(2 * jobs_per_cluster(l.layout));
+            FadingList fading_a(2 * jobs_per_cluster(l.layout)), fading_b(2 * jobs_per_cluster(l.layout));
             Counters counters_a{}, counters_b{};
             auto scratch = aligned_array<ClusterScratch>(1);
             for (int round = 0; round < 2; ++round) { // the second adds to lists that have jobs
@@ -256,12 +256,12 @@ TEST_F(FadingSets, RunAndSplit) {
             const uint32_t count = random.below(80);
             FadingList list[2] = {FadingList(count), FadingList(count)};
             for (uint32_t j = 0; j < count; ++j) {
-                const uint32_t half = random.below(2) * mask_bytes(l.layout) / 2;
+                const uint32_t part = random.below(mask_parts(l.layout)) * part_bytes(l.layout);
                 float inverse[3];
                 random.direction(inverse);
                 for (uint32_t i = 0; i < 3; ++i) {
                     const uint32_t cell = random.below(table_cells(l.layout));
-                    const uint32_t plane = (cell << cell_shift(l.layout)) + half + random.below(2);
+                    const uint32_t plane = (cell << cell_shift(l.layout)) + random.below(2);
                     const float value = seed % 2 && random.one_in(8) ? random.any_float()
                                                                      : inverse[i] / random.between(0, 1.5f);
                     for (FadingList& f : list) {
@@ -269,7 +269,7 @@ TEST_F(FadingSets, RunAndSplit) {
                         f.list.inverse[i][j] = value;
                     }
                 }
-                const uint32_t destination = random.below(lanes) * mask_bytes(l.layout) + half;
+                const uint32_t destination = random.below(lanes) * mask_bytes(l.layout) + part;
                 for (FadingList& f : list)
                     f.list.list.destination[j] = destination;
             }

@@ -54,6 +54,30 @@ const Tables& tables_of(const MaskLayout& layout) {
     return found->second.tables;
 }
 
+std::vector<uint8_t> mask_of_cell(const MaskLayout& layout, uint32_t cell) {
+    const uint8_t* planes = tables_of(layout).planes;
+    std::vector<uint8_t> mask(mask_bytes(layout));
+    if (layout.planes == PlaneMap::cube) {
+        std::copy_n(planes + size_t(cell) * mask.size(), mask.size(), mask.begin());
+        return mask;
+    }
+    // Halves: y < 0, then y > 0 as it is. Quarters against the clock from x, y < 0; the third as it is.
+    const bool quarters = layout.side == 64;
+    const uint32_t row = layout.plane_cells, last = row - 1, parts = quarters ? 4 : 2;
+    const size_t bytes = mask.size() / parts;
+    for (uint32_t part = 0; part < parts; ++part) {
+        const uint32_t turns = quarters ? (part + 2) % 4 : part ? 0 : 2;
+        uint32_t u = cell % row, v = cell / row;
+        for (uint32_t turn = 0; turn < turns; ++turn) { // the plane turned back by a quarter
+            const uint32_t from = u;
+            u = last - v;
+            v = from;
+        }
+        std::copy_n(planes + (size_t(v) * row + u) * bytes, bytes, mask.begin() + ptrdiff_t(part * bytes));
+    }
+    return mask;
+}
+
 float Random::any_float() {
     const uint32_t bits = uint32_t(engine());
     float value;

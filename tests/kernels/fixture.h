@@ -41,6 +41,9 @@ AlignedArray<T> aligned_array(size_t count) {
 // A layout's tables, built once a process.
 const kernels::Tables& tables_of(const kernels::MaskLayout& layout);
 
+// The whole mask of a cell of the table, put together from the parts that are this one turned (layout.h).
+std::vector<uint8_t> mask_of_cell(const kernels::MaskLayout& layout, uint32_t cell);
+
 struct Random {
     std::mt19937_64 engine;
     explicit Random(uint64_t seed) : engine(seed) {}

@@ -93,13 +93,11 @@ TEST(Integrate, UsedBitsBlockedLeaveNothingByBlocks) {
 // The integrals of the basis times cosine over pi over what each bit stands for, by 16 x 16 samples a cell in
 // double: what the weights are meant to be. The map is written from Shirley and Chiu's paper.
 std::vector<std::array<double, 25>> bit_integrals(const MaskLayout& layout) {
-    const uint32_t side = layout.side, along = side / 4;
+    const uint32_t side = layout.side;
     const bool scattered = layout.samples == SampleMap::scattered;
     const double area = (scattered ? 1.0 : 4 / pi) / (side * side) / 256;
     std::vector<std::array<double, 25>> sums(mask_bits(layout));
-    const auto bit_at = [&](uint32_t x, uint32_t y) {
-        return (y / 4 * along + x / 4) * 16 + y % 4 * 4 + x % 4;
-    };
+    const auto bit_at = [&](uint32_t x, uint32_t y) { return bit_of_cell(layout, x, y); };
     double centre[3];
     for (uint32_t i = 0; i < 256 * side * side; ++i) {
         const uint32_t px = i % (16 * side), py = i / (16 * side), cx = px / 16, cy = py / 16;
@@ -144,8 +142,7 @@ TEST(Integrate, IntegersAgreeWithASumInDouble) {
             const bool noise = seed % 2;
             std::vector<uint8_t> mask = random_mask(random, l.layout);
             if (!noise) {
-                const size_t cell = random.below(table_cells(l.layout));
-                std::copy_n(t.planes + cell * mask.size(), mask.size(), mask.begin());
+                mask = mask_of_cell(l.layout, random.below(table_cells(l.layout)));
             }
             const auto v = integrated(l.layout, mask, false);
             for (uint32_t term = 0; term < 25; ++term) {
@@ -219,7 +216,7 @@ TEST(Integrate, EveryUsedBitWeighs) {
             mask[bit / 8] = uint8_t(mask[bit / 8] | 1u << (bit % 8));
             const float now = integrated(l.layout, mask, false)[0];
             const double weight = integrals[bit][0];
-            ASSERT_NEAR(before - now, weight, 2.1 * double(step)) << l.name << " bit " << bit;
+            ASSERT_NEAR(before - now, weight, 2.6 * double(step)) << l.name << " bit " << bit;
             before = now;
         }
         EXPECT_NEAR(before, 0, double(step) * 30) << l.name;

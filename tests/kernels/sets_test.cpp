@@ -272,7 +272,7 @@ TEST_F(Sets, ClusterJobs) {
             const BatchInput input = prepared(*reference, random, hostile);
             ClusterInput cluster;
             random_cluster(random, input.batch, hostile, cluster);
-            Jobs a(2 * jobs_per_cluster), b(2 * jobs_per_cluster);
+            Jobs a(2 * jobs_per_cluster(l.layout)), b(2 * jobs_per_cluster(l.layout));
             Counters counters_a{}, counters_b{};
             auto scratch = aligned_array<ClusterScratch>(1);
             for (int round = 0; round < 2; ++round) { // the second adds to a list that has jobs
@@ -329,7 +329,7 @@ TEST_F(Sets, BothSidesJobs) {
             if (random.one_in(8)) input.batch.valid = 0;
             ClusterInput cluster;
             random_cluster(random, input.batch, hostile, cluster);
-            Jobs a(2 * jobs_per_cluster), b(2 * jobs_per_cluster);
+            Jobs a(2 * jobs_per_cluster(l.layout)), b(2 * jobs_per_cluster(l.layout));
             Counters counters_a{}, counters_b{};
             auto scratch = aligned_array<ClusterScratch>(1);
             reference->both_sides_jobs(input.batch, behind.batch, cluster.view, cluster.points.get(),
@@ -378,7 +378,7 @@ TEST_F(Sets, TriangleJobs) {
             const uint32_t active = hostile ? uint32_t(random.engine()) & 0xFFFF : 0xFFFF;
             const uint32_t two_sided = uint32_t(random.engine()) & 0xFFFF;
             const float horizon = random.one_in(2) ? 0.0f : horizon_tangent(l.layout);
-            Jobs a(2 * lanes), b(2 * lanes);
+            Jobs a(4 * lanes), b(4 * lanes);
             Counters counters_a{}, counters_b{};
             reference->triangle_jobs(input.batch, corners, active, two_sided, l.layout, horizon, a.list,
                                      counters_a);
@@ -422,7 +422,7 @@ TEST_F(Sets, FanJobs) {
                 }
             }
             const uint32_t active = hostile ? uint32_t(random.engine()) & 0xFFFF : 0xFFFF;
-            Jobs a(2 * lanes), b(2 * lanes);
+            Jobs a(4 * lanes), b(4 * lanes);
             Counters counters_a{}, counters_b{};
             const uint32_t folded_a =
                 reference->fan_jobs(input.batch, corners, active, l.layout, a.list, counters_a);
@@ -439,12 +439,12 @@ TEST_F(Sets, FanJobs) {
 void random_jobs(Random& random, const MaskLayout& layout, uint32_t count, JobList& list) {
     const uint32_t bytes = mask_bytes(layout);
     for (uint32_t j = 0; j < count; ++j) {
-        const uint32_t half = random.below(2) * (bytes / 2);
+        const uint32_t part = random.below(mask_parts(layout)) * part_bytes(layout);
         for (auto& plane : list.plane) {
-            plane[j] = (random.below(table_cells(layout)) << cell_shift(layout)) + half;
-            if (layout.planes == PlaneMap::octahedral) plane[j] |= random.below(2);
+            plane[j] = random.below(table_cells(layout)) << cell_shift(layout);
+            plane[j] += has_turned_parts(layout) ? random.below(2) : part;
         }
-        list.destination[j] = random.below(lanes) * bytes + half;
+        list.destination[j] = random.below(lanes) * bytes + part;
     }
     list.count = count;
 }

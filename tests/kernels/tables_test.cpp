@@ -10,10 +10,6 @@ using namespace kernels;
 
 namespace {
 
-uint32_t bit_of(uint32_t side, uint32_t x, uint32_t y) {
-    return ((y / 4) * (side / 4) + x / 4) * 16 + 4 * (y % 4) + x % 4;
-}
-
 bool mask_bit(const uint8_t* mask, uint32_t bit) {
     return mask[bit / 8] >> (bit % 8) & 1;
 }
@@ -28,29 +24,26 @@ uint32_t used_bits(const MaskLayout& layout) {
 
 // The mask of the half-space inside.d >= 0 by the table, its cell found from the description in layout.h.
 std::vector<uint8_t> half_space(const MaskLayout& layout, const float inside[3]) {
-    const Tables& tables = tables_of(layout);
-    const uint32_t k = layout.plane_cells, bytes = mask_bytes(layout);
+    const uint32_t k = layout.plane_cells;
     const auto cell = [&](double value) {
         return uint32_t(std::clamp(std::floor((value + 1) * k / 2), 0.0, double(k - 1)));
     };
     const double x = inside[0], y = inside[1], z = inside[2];
-    std::vector<uint8_t> mask(bytes);
     if (layout.planes == PlaneMap::octahedral) {
         const double sum = std::fabs(x) + std::fabs(y) + std::fabs(z);
         const double turn = z < 0 ? -1 : 1;
         const auto node = [&](double value) { return uint32_t((value + 1) / 2 * (k - 1) + 0.5); };
-        const uint32_t index = node(turn * (x - y) / sum) * k + node(turn * (x + y) / sum);
-        for (uint32_t i = 0; i < bytes; ++i)
-            mask[i] = uint8_t(tables.planes[size_t(index) * bytes + i] ^ (z < 0 ? 0xFF : 0));
+        std::vector<uint8_t> mask =
+            mask_of_cell(layout, node(turn * (x - y) / sum) * k + node(turn * (x + y) / sum));
+        for (uint8_t& byte : mask)
+            byte ^= z < 0 ? 0xFF : 0;
         return mask;
     }
     const double ax = std::fabs(x), ay = std::fabs(y), az = std::fabs(z);
     const uint32_t axis = ax >= ay && ax >= az ? 0 : ay >= az ? 1 : 2;
     const double major = axis == 0 ? x : axis == 1 ? y : z;
     const double u = (axis == 0 ? y : x) / std::fabs(major), v = (axis == 2 ? y : z) / std::fabs(major);
-    const uint32_t index = ((axis * 2 + (major < 0)) * k + cell(v)) * k + cell(u);
-    std::copy_n(tables.planes + size_t(index) * bytes, bytes, mask.begin());
-    return mask;
+    return mask_of_cell(layout, ((axis * 2 + (major < 0)) * k + cell(v)) * k + cell(u));
 }
 
 TEST(Directions, UnitUpAndUsedAsTheMapSays) {
@@ -77,12 +70,22 @@ double shift(uint32_t line) {
 TEST(Directions, AreTheMapsOwn) {
     for (const NamedLayout& l : layouts) {
         const uint32_t side = l.layout.side;
-        for (uint32_t y = 0; y < side; ++y) {
-            for (uint32_t x = 0; x < side; ++x) {
-                const bool scattered = l.layout.samples == SampleMap::scattered;
-                const double low = 2 * y == side ? 0.3 : y == 0 ? 0.2 : 0; // in the cell
-                const double high = 2 * (y + 1) == side ? 0.7 : y + 1 == side ? 0.8 : 1;
-                const double column = std::clamp(x + (scattered ? shift(y) : 0.5), 0.2, side - 0.2),
+        const bool scattered = l.layout.samples == SampleMap::scattered;
+        for (uint32_t cy = 0; cy < side; ++cy) {
+            for (uint32_t cx = 0; cx < side; ++cx) {
+                // Turned back into the part whose samples are as they are: y > 0, and of 4096 bits x > 0.
+                uint32_t x = cx, y = cy, turns = 0;
+                while (scattered && (2 * y < side || (side == 64 && 2 * x < side))) {
+                    for (uint32_t turn = side == 64 ? 1 : 2; turn; --turn, ++turns) {
+                        const uint32_t from = x;
+                        x = y;
+                        y = side - 1 - from;
+                    }
+                }
+                const double low = scattered && 2 * y == side ? 0.3 : 0; // in the cell
+                const double high = scattered && y + 1 == side ? 0.8 : 1;
+                const double least = scattered && side == 64 ? side / 2 + 0.3 : 0.2;
+                const double column = std::clamp(x + (scattered ? shift(y) : 0.5), least, side - 0.2),
                              row = y + std::clamp(scattered ? shift(x) : 0.5, low, high);
                 const double u = 2 * column / side - 1, v = 2 * row / side - 1;
                 double px = u, py = v, d[3];
@@ -94,7 +97,12 @@ TEST(Directions, AreTheMapsOwn) {
                     px = r * std::cos(angle);
                     py = r * std::sin(angle);
                 }
-                const bool used = sample_direction(l.layout, bit_of(side, x, y), d);
+                for (; turns; --turns) {
+                    const double from = px;
+                    px = -py;
+                    py = from;
+                }
+                const bool used = sample_direction(l.layout, bit_of_cell(l.layout, cx, cy), d);
                 EXPECT_EQ(used, px * px + py * py < 1);
                 if (!used) continue;
                 EXPECT_NEAR(d[0], px, 1e-15);
@@ -124,7 +132,7 @@ TEST(Directions, OfTheGridHaveTheSquaresEightSymmetriesBitForBit) {
         for (uint32_t y = 0; y < side; ++y) {
             for (uint32_t x = 0; x < side; ++x) {
                 double d[3];
-                const bool used = sample_direction(l.layout, bit_of(side, x, y), d);
+                const bool used = sample_direction(l.layout, bit_of_cell(l.layout, x, y), d);
                 for (uint32_t symmetry = 1; symmetry < 8; ++symmetry) {
                     uint32_t sx = x, sy = y;
                     double expected[3] = {d[0], d[1], d[2]}, other[3];
@@ -140,7 +148,7 @@ TEST(Directions, OfTheGridHaveTheSquaresEightSymmetriesBitForBit) {
                         std::swap(sx, sy);
                         std::swap(expected[0], expected[1]);
                     }
-                    ASSERT_EQ(used, sample_direction(l.layout, bit_of(side, sx, sy), other));
+                    ASSERT_EQ(used, sample_direction(l.layout, bit_of_cell(l.layout, sx, sy), other));
                     if (used) {
                         ASSERT_TRUE(same_bits(expected, other, sizeof(other)))
                             << l.name << " " << x << " " << y << " " << symmetry;
@@ -170,7 +178,6 @@ TEST(Directions, NoneBelowTheHorizonThatCullsThem) {
 // within rounding of the plane may go either way.
 TEST(PlaneTable, EveryCellIsTheHalfSpaceOfItsCentre) {
     for (const NamedLayout& l : layouts) {
-        const Tables& tables = tables_of(l.layout);
         const uint32_t k = l.layout.plane_cells;
         std::vector<std::array<double, 3>> directions(mask_bits(l.layout));
         std::vector<uint8_t> used(mask_bits(l.layout));
@@ -192,11 +199,11 @@ TEST(PlaneTable, EveryCellIsTheHalfSpaceOfItsCentre) {
                 n[axis == 0 ? 1 : 0] = u;
                 n[axis == 2 ? 1 : 2] = v;
             }
-            const uint8_t* mask = tables.planes + size_t(cell) * mask_bytes(l.layout);
+            const std::vector<uint8_t> mask = mask_of_cell(l.layout, cell);
             for (uint32_t bit = 0; bit < mask_bits(l.layout); ++bit) {
                 const auto& d = directions[bit];
                 const double height = n[0] * d[0] + n[1] * d[1] + n[2] * d[2];
-                const bool set = mask_bit(mask, bit);
+                const bool set = mask_bit(mask.data(), bit);
                 if (!used[bit]) {
                     wrong += set;
                 } else if (std::fabs(height) < 1e-14) {
@@ -213,7 +220,7 @@ TEST(PlaneTable, EveryCellIsTheHalfSpaceOfItsCentre) {
 
 TEST(PlaneTable, PartsOfItAreThoseOfTheWhole) {
     for (const NamedLayout& l : layouts) {
-        const size_t bytes = mask_bytes(l.layout);
+        const size_t bytes = cell_bytes(l.layout);
         std::vector<uint8_t> part(100 * bytes);
         build_plane_table(l.layout, 1234, 1300, part.data() - 1234 * bytes);
         EXPECT_TRUE(same_bits(part.data(), tables_of(l.layout).planes + 1234 * bytes, 66 * bytes)) << l.name;

@@ -122,7 +122,7 @@ TEST(Memory, FramesAndHistoriesKeepToTheirBounds) {
             run_frame(engine.context, posed(scene, ids, 0), fading);
             const size_t faded = ledger.bytes() - meshes - frame;
             EXPECT_LE(faded,
-                      12 * quality_mask_bits(quality) + 2 * ((quality == Quality::fine ? 172 : 100) << 10));
+                      12 * quality_mask_bits(quality) + 2 * ((quality == Quality::fine ? 230 : 100) << 10));
             FrameDesc settings;
             settings.quality = quality;
             ASSERT_TRUE(create_history(engine.context, &settings.history).ok());
@@ -141,7 +141,7 @@ TEST(Memory, FramesAndHistoriesKeepToTheirBounds) {
             const size_t meshes_of_both = of_both.bytes();
             run_frame(both.context, turned, quality);
             const size_t backs = of_both.bytes() - meshes_of_both;
-            EXPECT_LE(backs, frame + 2 * ((quality == Quality::fine ? 46 : 40) << 10));
+            EXPECT_LE(backs, frame + 2 * ((quality == Quality::fine ? 78 : 40) << 10));
             const size_t mask = quality_mask_bits(quality) / 8;
             EXPECT_LE(frame, 24 * vertices + 128 * triangles + 2 * (96 << 10));
             EXPECT_LE(history, (160 + mask) * vertices + 192 * triangles + 2 * (32 << 10));

@@ -396,7 +396,6 @@ TEST(Accuracy, M12Subdivision) {
 // G18. Level: table against double, every cell with planes of its own.
 TEST(Accuracy, G18EveryCellOfTheTable) {
     const Samples samples(standard);
-    const Tables& tables = tables_of(standard);
     const uint32_t cells = standard.plane_cells;
     Random random(stress_seed() + 43);
     std::vector<uint32_t> wrong;
@@ -408,7 +407,7 @@ TEST(Accuracy, G18EveryCellOfTheTable) {
             };
             const double u = at(cell % cells), v = at(cell / cells);
             const double x = (u + v) / 2, y = (u - v) / 2, z = 1 - std::fabs(x) - std::fabs(y);
-            const uint8_t* mask = tables.planes + size_t(cell) * 128;
+            const std::vector<uint8_t> mask = mask_of_cell(standard, cell);
             uint32_t count = 0;
             for (uint32_t bit = 0; bit < 1024; ++bit) {
                 const bool above = x * samples.direction[0][bit] + y * samples.direction[1][bit] +

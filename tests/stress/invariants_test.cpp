@@ -15,9 +15,6 @@ using namespace kernels;
 constexpr const MaskLayout& layout = standard_layout;
 constexpr uint32_t side = 32;
 
-uint32_t bit_at(uint32_t x, uint32_t y) {
-    return (y / 4 * (side / 4) + x / 4) * 16 + y % 4 * 4 + x % 4;
-}
 bool get(const uint8_t* mask, uint32_t bit) {
     return mask[bit / 8] >> bit % 8 & 1;
 }
@@ -106,6 +103,7 @@ TEST(Invariants, M2Winding) {
 // there, although its planes' error could reach over): those are counted.
 TEST(Invariants, M3M4Symmetries) {
     constexpr MaskLayout grid{SampleMap::disk_grid, PlaneMap::octahedral, 32, 128};
+    const auto bit_at = [&](uint32_t x, uint32_t y) { return bit_of_cell(grid, x, y); };
     uint64_t lost[3] = {}, bits = 0, masks = 0;
     for (uint64_t i = 0; i < stress_cases(); ++i) {
         Case c(i + (2u << 20), 6);

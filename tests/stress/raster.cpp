@@ -153,7 +153,7 @@ std::vector<uint32_t> select(const Kernels& set, const Batch& batch,
 }
 
 struct Workbench {
-    Jobs jobs{jobs_per_cluster * 2 + 64};
+    Jobs jobs{jobs_per_cluster(fine_layout) + 64};
     AlignedArray<ClusterScratch> scratch = aligned_array<ClusterScratch>(1);
     AlignedArray<uint8_t> masks = aligned_array<uint8_t>(16 * 512);
 };

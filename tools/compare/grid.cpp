@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstddef>
 #include <numbers>
+#include <utility>
 
 namespace nusselt::tools {
 
@@ -262,12 +263,29 @@ SampleGrid concentric_grid(uint32_t side) {
     return make_grid(side, 1, to_disk, centre, false);
 }
 
-SampleGrid scattered_grid(uint32_t side, double rim, double middle) {
+SampleGrid scattered_grid(uint32_t side) {
     const auto sample = [&](uint32_t column, uint32_t row) {
-        const double far = side - rim, half = side / 2.0;
-        const double u = std::clamp(column + shift_of(row), rim, far);
-        const double v = std::clamp(row + shift_of(column), rim, far);
-        return Point{u / side, (v < half ? std::min(v, half - middle) : std::max(v, half + middle)) / side};
+        return Point{(column + shift_of(row)) / side, (row + shift_of(column)) / side};
+    };
+    return make_grid(side, 1, to_disk, sample, true);
+}
+
+SampleGrid mask_grid(uint32_t side) {
+    const bool quarters = side >= 64;
+    const auto sample = [&](uint32_t column, uint32_t row) {
+        const double far = side - mask_rim, first = side / 2.0 + mask_middle;
+        // Back to the part whose samples are as they are, and the sample's place with the cell again.
+        uint32_t turns = 0;
+        for (; 2 * row < side || (quarters && 2 * column < side); turns += quarters ? 1 : 2) {
+            if (!quarters) column = std::exchange(row, side - 1 - column);
+            column = std::exchange(row, side - 1 - column);
+        }
+        const double u = std::clamp(column + shift_of(row), quarters ? first : mask_rim, far);
+        const double v = std::clamp(row + shift_of(column), first, far);
+        Point at{u / side, v / side};
+        for (; turns; --turns)
+            at = {1 - at.v, at.u};
+        return at;
     };
     return make_grid(side, 1, to_disk, sample, true);
 }

@@ -7,8 +7,8 @@
 
 namespace nusselt::tools {
 
-// `side` x `side` cells (a multiple of 4) in 4x4 blocks row by row, 16 cells a block row by row: as masks
-// lie. Local frame: z along the normal.
+// `side` x `side` cells (a multiple of 4) in 4x4 blocks row by row, 16 cells a block row by row. Local frame:
+// z along the normal.
 struct SampleGrid {
     uint32_t side = 0;
     std::vector<float> x, y, z;  // direction of each cell's sample
@@ -22,13 +22,15 @@ struct SampleGrid {
 // Sample points at the cells' centres under Shirley and Chiu's map of the square to the disk; every cell has
 // the same cosine-weighted solid angle.
 SampleGrid concentric_grid(uint32_t side);
-// As the library's masks: under the same map, each row and column of samples off its cells' centres by a
-// multiple of the golden ratio's fraction; a cell weighs what is nearer to its sample than to any other. No
-// sample lies nearer than `rim` cells to the horizon or `middle` cells to the line between the lower and
-// upper half of the rows: the library's masks keep mask_rim and mask_middle for their own reasons
-// (runtime/doc/adr/0004-samples.md); a tracer needs neither.
+// Under the same map, each row and column of samples off its cells' centres by a multiple of the golden
+// ratio's fraction; a cell weighs what is nearer to its sample than to any other.
+SampleGrid scattered_grid(uint32_t side);
+// As the library's masks, which for their own reasons (runtime/doc/adr/0003-table.md, 0004-samples.md) keep
+// mask_rim cells from the horizon and mask_middle cells from the lines between their parts, and have one
+// part's samples turned in all: from 64 a side on the quarter x, y > 0, below the half y > 0. A tracer needs
+// neither.
 constexpr double mask_rim = 0.2, mask_middle = 0.3;
-SampleGrid scattered_grid(uint32_t side, double rim = 0, double middle = 0);
+SampleGrid mask_grid(uint32_t side);
 // The paper's: a square grid over the unit disk. Cells whose centre lies outside are unused; the others weigh
 // what they hold of the disk.
 SampleGrid disk_grid(uint32_t side);

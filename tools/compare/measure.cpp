@@ -94,10 +94,9 @@ std::vector<Candidate> make_candidates(const MeasureOptions& options, const std:
         if (found == rays.end()) found = rays.emplace(side, scattered_grid(side)).first;
         return &found->second;
     };
-    const auto mask_grid = [&](uint32_t side) {
+    const auto grid_of_masks = [&](uint32_t side) {
         auto found = masks.find(side);
-        if (found == masks.end())
-            found = masks.emplace(side, scattered_grid(side, mask_rim, mask_middle)).first;
+        if (found == masks.end()) found = masks.emplace(side, mask_grid(side)).first;
         return &found->second;
     };
     std::vector<Candidate> candidates;
@@ -121,7 +120,7 @@ std::vector<Candidate> make_candidates(const MeasureOptions& options, const std:
         add("naive " + text_of(naive_side * naive_side), Kind::naive, naive_side * naive_side).grid =
             ray_grid(naive_side);
     for (const uint32_t side : {16u, 32u, 64u})
-        add("floor " + text_of(side * side), Kind::floor, side * side).grid = mask_grid(side);
+        add("floor " + text_of(side * side), Kind::floor, side * side).grid = grid_of_masks(side);
     add("floor 1024, cell centres", Kind::floor, 1024).grid = &centred;
     add("floor disk 1024", Kind::floor, 1024).grid = &paper;
     Candidate& blocks = add("floor disk 1024, 4x4 blocks", Kind::floor, 1024);

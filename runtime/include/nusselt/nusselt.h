@@ -11,9 +11,11 @@
 //  environment
 //             is seen, and Lambert f_r = 1 / pi (albedo 1); radiance out = sum over i of L_i V_i
 //             (Kautz, Lehtinen, Aila 2004, equations 2 and 3)
-//  mask       a set bit is blocked. 16-bit words in order, one per 4x4 block of the square, blocks row by
-//  row;
-//             bit 4 (y mod 4) + (x mod 4) of the word is the cell (x, y)
+//  mask       a set bit is blocked. 16-bit words in order, one per 4x4 block of cells, 4 rows of 4 bits.
+//  `paper`:
+//             blocks row by row of the square around the disk. Else parts, row by row each, that are one set
+//             of cells turned about the normal: of 1024 bits the halves y < 0 and y > 0, each from the middle
+//             outwards; of 4096 the quarters x, y < 0, then x > 0 > y, x, y > 0, and x < 0 < y
 //  results    same input, same bits: for any thread count, executor and instruction set
 //
 // Limits: distant light, no inter-reflection, one visibility sample per vertex (a shadow is as fine as the
