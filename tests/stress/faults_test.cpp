@@ -12,6 +12,7 @@
 #include <chrono>
 #include <cmath>
 #include <condition_variable>
+#include <cstdio>
 #include <cstring>
 #include <ctime>
 #include <functional>
@@ -937,11 +938,23 @@ struct WatchedClock {
     }
 };
 
+// For how long others took this machine's processors away, where it is itself a guest of one that says so, in
+// hundredths of a second. A thread's processor time goes on meanwhile.
+uint64_t stolen_time() {
+    unsigned long long stolen = 0;
+    if (std::FILE* const file = std::fopen("/proc/stat", "r")) {
+        if (std::fscanf(file, "cpu %*u %*u %*u %*u %*u %*u %*u %llu", &stolen) != 1) stolen = 0;
+        std::fclose(file);
+    }
+    return stolen;
+}
+
 // J11. A budget of a millisecond for frames that take several, on threads that stall for two. 999 of 1,000
 // (of few frames 98 of 100) end with the budget and a grain of each thread, by processor time, in which
 // stalls and other programs don't count; the stages that always are done come on top, and a millisecond for
-// threads made and joined. A frame tells what it left out, and nobody waits for ever; when the motion ends,
-// all is as without a budget.
+// threads made and joined. Frames from which the machine's own host took a processor away are left out, a
+// tenth of them at most. A frame tells what it left out, and nobody waits for ever; when the motion ends, all
+// is as without a budget.
 TEST(Faults, J11BudgetOnStalledThreads) {
     StallingThreads executor{std::chrono::milliseconds(2)};
     constexpr uint32_t threads = 3; // two, and the one that waits
@@ -978,10 +991,12 @@ TEST(Faults, J11BudgetOnStalledThreads) {
     uint64_t stale = 0;
     uint32_t oldest = 0;
     std::vector<double> overruns;
+    std::vector<uint64_t> stolen; // before each frame
     FrameStats s;
     overrun(-1, s); // makes the tables
     times.clear();
     for (int frame = 0; frame < frames; ++frame) {
+        stolen.push_back(stolen_time());
         overruns.push_back(overrun(frame, s));
         ASSERT_EQ(s.receivers_computed + s.receivers_reused + s.receivers_stale + s.receivers_copied,
                   s.receivers);
@@ -997,10 +1012,21 @@ TEST(Faults, J11BudgetOnStalledThreads) {
            "ms");
     figure("J11 frame with a budget of 1 ms on threads that stall for 2 ms, 999 of 1,000 below",
            percentile(times, 0.999), "ms");
+    // It is told a hundredth of a second late at most: with the frames around, which take a few milliseconds.
+    stolen.push_back(stolen_time());
+    std::vector<double> undisturbed;
+    constexpr size_t around = 4;
+    for (size_t i = 0; i < overruns.size(); ++i) {
+        if (stolen[i < around ? 0 : i - around] == stolen[std::min(i + around, overruns.size())])
+            undisturbed.push_back(overruns[i]);
+    }
+    EXPECT_GE(undisturbed.size(), overruns.size() / 10 * 9);
+    figure("J11 frames left out, as the machine's host took a processor away",
+           double(overruns.size() - undisturbed.size()), "frames");
     figure("J11 processor time after the budget, of a grain for each thread and 1 ms, 999 of 1,000 below",
-           percentile(overruns, 0.999), "times");
+           percentile(undisturbed, 0.999), "times");
 #if !defined(NUSSELT_SANITIZED)
-    EXPECT_LE(percentile(overruns, frames >= 10000 ? 0.999 : 0.98), 1);
+    EXPECT_LE(percentile(undisturbed, frames >= 10000 ? 0.999 : 0.98), 1);
     // Frames that don't know the time go on, and are seen.
     clock.stands = true;
     std::vector<double> blind;
