@@ -251,7 +251,7 @@ HWY_INLINE void add_jobs(const MaskLayout& layout, const U entry[3], U destinati
         append(entry, hn::Add(destination, part), reaching[1], jobs);
         return;
     }
-    U quarter[3];
+    U quarter[3] = {entry[0], entry[1], entry[2]}; // not read unturned, which gcc for aarch64 does not see
     if (reaching[1] | reaching[3]) {
         const int shift = static_cast<int>(row_shift(layout));
         const U row = hn::Set(du, (layout.plane_cells - 1) << cell_shift(layout));
