@@ -26,18 +26,39 @@ std::vector<Posed> from_both_sides(std::vector<Posed> meshes) {
     return meshes;
 }
 
-// Against runs of one side each, the other one's normals turned over by the caller.
-void expect_as_alone(Context* context, const std::vector<Posed>& meshes, Quality quality) {
-    const Outputs both = run_frame(context, from_both_sides(meshes), quality);
-    const Outputs front = run_frame(context, meshes, quality),
-                  behind = run_frame(context, turned_over(meshes), quality);
-    EXPECT_EQ(both.meshes, front.meshes) << quality_name(quality);
-    EXPECT_EQ(both.backs, behind.meshes) << quality_name(quality);
+// Against runs of one side each, the other one's normals turned over by the caller. Returns the clusters that
+// were drawn, over those of the two.
+double expect_as_alone(Context* context, const std::vector<Posed>& meshes, const FrameDesc& settings) {
+    const char* const quality = quality_name(settings.quality);
+    const Outputs both = run_frame(context, from_both_sides(meshes), settings);
+    const Outputs front = run_frame(context, meshes, settings),
+                  behind = run_frame(context, turned_over(meshes), settings);
+    EXPECT_EQ(both.meshes, front.meshes) << quality;
+    EXPECT_EQ(both.backs, behind.meshes) << quality;
     EXPECT_EQ(both.stats.receivers, front.stats.receivers + behind.stats.receivers);
     EXPECT_EQ(both.stats.receivers_computed,
               front.stats.receivers_computed + behind.stats.receivers_computed);
     EXPECT_EQ(both.stats.receivers_written, both.stats.receivers);
+    EXPECT_EQ(both.stats.receivers_inside, front.stats.receivers_inside + behind.stats.receivers_inside);
+    EXPECT_EQ(both.stats.receivers_invalid, front.stats.receivers_invalid + behind.stats.receivers_invalid);
     EXPECT_EQ(both.stats.triangles_invalid, front.stats.triangles_invalid);
+    return double(both.stats.clusters_rasterized) /
+           double(front.stats.clusters_rasterized + behind.stats.clusters_rasterized);
+}
+double expect_as_alone(Context* context, const std::vector<Posed>& meshes, Quality quality) {
+    FrameDesc settings;
+    settings.quality = quality;
+    return expect_as_alone(context, meshes, settings);
+}
+constexpr double one_pass = 0.7; // less than that of the clusters of two frames is one pass for most
+
+// A rough sheet, at a height.
+scenes::Mesh rough_sheet(float size, uint32_t cells, float height = 0) {
+    scenes::Mesh sheet = scenes::plane(size, cells);
+    for (glm::vec3& p : sheet.rest_positions)
+        p.y = height + 0.1f * size * std::sin(8 / size * p.x) * std::cos(6 / size * p.z);
+    scenes::compute_normals(sheet.rest_positions, sheet.indices, sheet.rest_normals);
+    return sheet;
 }
 
 TEST(Back, AsAloneWithTurnedNormals) {
@@ -53,10 +74,7 @@ TEST(Back, AsAloneWithTurnedNormals) {
         }
     }
     Engine engine(with_isa(Isa::scalar));
-    scenes::Mesh sheet = scenes::plane(2, 12);
-    for (glm::vec3& p : sheet.rest_positions)
-        p.y = 0.2f * std::sin(4 * p.x) * std::cos(3 * p.z);
-    scenes::compute_normals(sheet.rest_positions, sheet.indices, sheet.rest_normals);
+    scenes::Mesh sheet = rough_sheet(2, 12);
     sheet.rest_normals[7] = {0, 1, 0}; // the tangent frame's pole
     sheet.rest_normals[8] = {0, 0, 1};
     sheet.rest_normals[9] = {0, 0, -1};
@@ -80,6 +98,102 @@ TEST(Back, OnePassOverTheBlockers) {
     EXPECT_LT(together, 0.6 * (front + behind));
     both[0].back_needed.assign((one[0].positions.size() + 31) / 32, 0x7FFFFFFF);
     EXPECT_GT(looks(run_frame(engine.context, both)), 0.9 * (front + behind));
+}
+
+TEST(Back, OnePassOfWatertightFrames) {
+    Engine engine;
+    // A shell whose fronts look inward, and a sheet in it: nearly all of their masks is covered.
+    scenes::Mesh shell = scenes::sphere(4);
+    for (size_t i = 0; i < shell.indices.size(); i += 3)
+        std::swap(shell.indices[i], shell.indices[i + 1]);
+    const scenes::Mesh sheet = rough_sheet(1, 30);
+    const std::vector<Posed> meshes = {at_rest(add(engine.context, sheet), sheet),
+                                       at_rest(add(engine.context, shell), shell)};
+    for (const Quality quality : {Quality::draft, Quality::standard, Quality::fine}) {
+        FrameDesc settings;
+        settings.quality = quality;
+        settings.watertight = true;
+        EXPECT_LT(expect_as_alone(engine.context, meshes, settings), one_pass) << quality_name(quality);
+    }
+    FrameDesc settings;
+    settings.watertight = true;
+    const Outputs both = run_frame(engine.context, from_both_sides(meshes), settings);
+    for (size_t v = 0; v < sheet.rest_positions.size(); ++v) {
+        EXPECT_EQ(blocked_bits(both.meshes[0], v), 1024u) << v;
+        EXPECT_EQ(blocked_bits(both.backs[0], v), 1024u) << v;
+    }
+}
+
+// A sheet through a ball, on it and within it: whoever is inside is dark, on either side.
+TEST(Back, OnePassThroughTheInsideOfAnother) {
+    Engine engine;
+    const scenes::Mesh ball = scenes::sphere(3);
+    const MeshId ball_id = add(engine.context, ball);
+    for (const float height : {0.0f, 0.5f, 0.9999f, 1.0f, 1.0001f, 1.02f}) {
+        const scenes::Mesh sheet = scenes::plane(3, 24);
+        Posed upper = at_rest(add(engine.context, sheet), sheet), below = at_rest(ball_id, ball);
+        for (glm::vec3& p : upper.positions)
+            p.y += height;
+        below.receives = false;
+        const std::vector<Posed> meshes = {upper, below};
+        const Outputs front = run_frame(engine.context, meshes);
+        // The ball, which does not receive, has no back either.
+        std::vector<Posed> both = meshes, behind = turned_over(meshes);
+        both[0].back_receives = true;
+        const Outputs together = run_frame(engine.context, both), back = run_frame(engine.context, behind);
+        EXPECT_EQ(together.meshes[0], front.meshes[0]) << height;
+        EXPECT_EQ(together.backs[0], back.meshes[0]) << height;
+        EXPECT_EQ(together.stats.receivers_inside,
+                  front.stats.receivers_inside + back.stats.receivers_inside);
+        if (height == 0) {
+            EXPECT_GT(front.stats.receivers_inside, 100u);
+        }
+        EXPECT_TRUE(remove_mesh(engine.context, upper.mesh).ok());
+    }
+}
+
+// Vertices at one place: with one normal (computed once), with two (twice), of which some are not needed.
+TEST(Back, OnePassOfDuplicates) {
+    Engine engine;
+    scenes::Mesh sheet = rough_sheet(1, 20);
+    const size_t count = sheet.rest_positions.size();
+    for (size_t v = 0; v < count; ++v) {
+        sheet.rest_positions.push_back(sheet.rest_positions[v]);
+        const glm::vec3 n = sheet.rest_normals[v];
+        sheet.rest_normals.push_back(v % 3 ? n : glm::vec3(n.x + 0.3f, n.y, n.z));
+    }
+    for (size_t i = 0; i < sheet.indices.size(); i += 6) // every other square hangs at the copies
+        for (size_t k = i; k < i + 3; ++k)
+            sheet.indices[k] += uint32_t(count);
+    std::vector<Posed> meshes = {at_rest(add(engine.context, sheet), sheet)};
+    EXPECT_LT(expect_as_alone(engine.context, meshes, Quality::standard), one_pass);
+    meshes[0].needed.assign((2 * count + 31) / 32, 0x5BF7DDEF);
+    const Outputs both = run_frame(engine.context, from_both_sides(meshes)),
+                  front = run_frame(engine.context, meshes),
+                  behind = run_frame(engine.context, turned_over(meshes));
+    EXPECT_EQ(both.meshes, front.meshes);
+    EXPECT_EQ(both.backs, behind.meshes);
+    EXPECT_GT(both.stats.receivers_copied, 0u);
+}
+
+TEST(Back, OnePassOfWhatIsNotFinite) {
+    Engine engine;
+    const scenes::Mesh sheet = rough_sheet(1, 24);
+    std::vector<Posed> meshes = {at_rest(add(engine.context, sheet), sheet)};
+    Random random(9);
+    const float bad[] = {NAN, INFINITY, -INFINITY, 3e38f};
+    for (uint32_t step = 0; step < 24; ++step) {
+        Posed& mesh = meshes[0];
+        const uint32_t v = random.below(uint32_t(mesh.positions.size())), k = random.below(3);
+        if (step % 3 == 0) mesh.positions[v][int(k)] = bad[step / 3 % 4];
+        if (step % 3 == 1) mesh.normals[v][int(k)] = bad[step / 3 % 4];
+        if (step % 3 == 2) mesh.normals[v] = glm::vec3(0);
+        if (step % 4 == 3) expect_as_alone(engine.context, meshes, Quality::standard);
+    }
+    // A whole batch of receivers that are none.
+    for (glm::vec3& n : meshes[0].normals)
+        n = glm::vec3(NAN);
+    expect_as_alone(engine.context, meshes, Quality::standard);
 }
 
 // Two half-planes that meet at right angles along z, with receivers in the crease, which look along the
@@ -243,6 +357,89 @@ TEST(Back, StreamsAndMaterials) {
         ASSERT_TRUE(run_streams(engine.context, behind, {s}, false, &gloss).ok());
         EXPECT_EQ(std::memcmp(here.data(), there.data(), 4 * here.size()), 0) << int(kind);
     }
+}
+
+// Every kind of stream of both sides in one frame, beside frames of one side each.
+TEST(Back, StreamsOfBothSidesInOnePass) {
+    Engine engine;
+    const scenes::Scene scene = scenes::builtin("cloth");
+    std::vector<Posed> plain = posed(scene, add_all(engine.context, scene), 0.5 * scene.duration);
+    plain.resize(1);
+    const size_t count = plain[0].positions.size();
+    const float colour[3] = {0.9f, 0.5f, 0.2f};
+    const Material materials[] = {metallic_roughness(colour, 1, 0.5f), metallic_roughness(colour, 0, 0.8f)};
+    std::vector<uint16_t> material_of(count);
+    for (size_t v = 0; v < count; ++v)
+        material_of[v] = v % 5 == 0;
+    Gloss gloss;
+    gloss.eye[1] = 5;
+    gloss.materials = materials;
+    gloss.material_count = 2;
+    gloss.material_of = material_of.data();
+    std::vector<float> light(75, 0.1f), pixels(3 * 32 * 16, 0.5f);
+    pixels[40] = 30;
+    EnvironmentDesc surroundings;
+    surroundings.rgb = pixels.data();
+    surroundings.width = 32;
+    surroundings.height = 16;
+    surroundings.mask_bits = 1024;
+    FrameDesc settings;
+    settings.light = light.data();
+    Environment* environment = nullptr;
+    ASSERT_TRUE(create_environment(engine.context, surroundings, &environment).ok());
+    settings.environment = environment;
+    struct Kind {
+        OutputKind kind;
+        OutputFormat format;
+    };
+    const Kind kinds[] = {{OutputKind::transfer, OutputFormat::float16},
+                          {OutputKind::transfer, OutputFormat::packed8},
+                          {OutputKind::ambient_occlusion, OutputFormat::float32},
+                          {OutputKind::bent_normal, OutputFormat::packed8},
+                          {OutputKind::glossy, OutputFormat::float32},
+                          {OutputKind::radiance, OutputFormat::float32},
+                          {OutputKind::direct, OutputFormat::float16}};
+    using Memory = std::vector<std::vector<uint8_t>>;
+    const auto describe = [&](Memory& memory) {
+        std::vector<Stream> streams;
+        for (const Kind& k : kinds) {
+            memory.emplace_back(count * output_bytes(k.kind, k.format), uint8_t(0xAB));
+            streams.push_back({k.kind, k.format, memory.back().data(), count});
+        }
+        return streams;
+    };
+    FrameStats stats;
+    const auto frame = [&](const Posed& mesh, Memory* front, Memory* back) {
+        FrameMesh m;
+        m.mesh = mesh.mesh;
+        m.positions = view(mesh.positions);
+        m.normals = view(mesh.normals);
+        m.gloss = &gloss;
+        std::vector<Stream> here, behind;
+        if (front) here = describe(*front);
+        if (back) behind = describe(*back);
+        m.outputs = here.data();
+        m.output_count = uint32_t(here.size());
+        m.back.outputs = behind.data();
+        m.back.output_count = uint32_t(behind.size());
+        FrameDesc desc = settings;
+        desc.meshes = &m;
+        desc.mesh_count = 1;
+        FrameId id;
+        ASSERT_TRUE(submit(engine.context, desc, &id).ok());
+        ASSERT_TRUE(wait(engine.context, id, &stats).ok());
+    };
+    Memory front, back, front_alone, back_alone;
+    frame(plain[0], &front_alone, nullptr);
+    uint64_t apart = stats.clusters_rasterized;
+    frame(turned_over(plain)[0], &back_alone, nullptr);
+    apart += stats.clusters_rasterized;
+    frame(plain[0], &front, &back);
+    EXPECT_LT(double(stats.clusters_rasterized), one_pass * double(apart));
+    EXPECT_EQ(front, front_alone);
+    EXPECT_EQ(back, back_alone);
+    EXPECT_NE(front, back);
+    destroy_environment(engine.context, environment);
 }
 
 TEST(Back, WhatDoesNotFitIsRefused) {

@@ -1,5 +1,5 @@
 // The caller's allocator: every byte comes back, and no failure breaks anything.
-#include "tests/runtime/fixture.h"
+#include "tests/runtime/crowd.h"
 
 #include <cstdint>
 #include <cstdio>
@@ -181,6 +181,45 @@ TEST(Memory, AFrameOfManySmallPartsKeepsToItsBound) {
     EXPECT_LE(frame, 24 * balls.rest_positions.size() + 128 * triangles + 2 * (96 << 10));
     std::printf("small parts: mesh %.1f B a triangle, frame %.1f\n", double(mesh) / double(triangles),
                 double(frame) / double(triangles));
+}
+
+// Frames of several objects have their clusters twice, and a view of what is far a mesh.
+TEST(Memory, FramesOfManyObjectsKeepToTheirBound) {
+    for (const uint32_t count : {2u, 6u}) {
+        for (const Quality quality : {Quality::standard, Quality::fine}) {
+            if (quality == Quality::fine && count > 2) continue;
+            Ledger ledger;
+            ContextDesc desc;
+            desc.allocator = ledger.hook();
+            Engine engine(desc);
+            const std::vector<Posed> meshes = crowd(engine.context, count, 1.2f);
+            const scenes::Scene scene = scenes::builtin("fight");
+            size_t vertices = 0, triangles = 0;
+            for (const scenes::Mesh& mesh : scene.meshes) {
+                vertices += count * mesh.rest_positions.size();
+                triangles += count * mesh.indices.size() / 3;
+            }
+            const size_t held = ledger.bytes();
+            FrameDesc settings;
+            settings.quality = quality;
+            run_far(engine.context, meshes, settings);
+            const size_t frame = ledger.bytes() - held;
+            const size_t table = quality == Quality::fine ? 2100000 : 530000;
+            EXPECT_LE(frame, 24 * vertices + 138 * triangles + 6100 * meshes.size() + table + 2 * (96 << 10))
+                << count << " " << quality_name(quality);
+            std::printf("%u fighters %s: frame %zu\n", count, quality_name(quality), frame);
+            const uint64_t before = ledger.requests;
+            std::vector<Posed> next = meshes;
+            for (int i = 0; i < 4; ++i) {
+                for (Posed& mesh : next) {
+                    mesh.positions[0].y += 0.1f;
+                    mesh.object = (mesh.object + uint32_t(i)) % (count + 1);
+                }
+                run_far(engine.context, next, settings);
+            }
+            EXPECT_EQ(ledger.requests, before);
+        }
+    }
 }
 
 // A history takes its memory with its first frame; none of what happens to it later takes more.

@@ -1,5 +1,5 @@
 // Several objects in one frame: each blocks itself as finely as alone and the others as a coarse proxy.
-#include "tests/runtime/fixture.h"
+#include "tests/runtime/crowd.h"
 
 #include <glm/geometric.hpp>
 
@@ -9,80 +9,6 @@
 namespace nusselt::test {
 
 namespace {
-
-Posed moved(Posed mesh, const glm::vec3& by, uint32_t object) {
-    for (glm::vec3& p : mesh.positions)
-        p += by;
-    mesh.object = object;
-    return mesh;
-}
-
-// Fighters side by side, each at its own moment.
-std::vector<Posed> crowd(Context* context, uint32_t count, float spacing) {
-    const scenes::Scene scene = scenes::builtin("fight");
-    std::vector<Posed> all;
-    for (uint32_t k = 0; k < count; ++k) {
-        for (const Posed& mesh :
-             posed(scene, add_all(context, scene), scene.duration * float(k) / float(count)))
-            all.push_back(moved(mesh, {spacing * float(k % 2), 0, spacing * float(k / 2)}, k));
-    }
-    return all;
-}
-
-std::vector<Posed> as_one(std::vector<Posed> meshes, uint32_t number = 0) {
-    for (Posed& mesh : meshes)
-        mesh.object = number;
-    return meshes;
-}
-
-double norm(const std::array<float, 25>& a, const std::array<float, 25>& b) {
-    double sum = 0;
-    for (size_t i = 0; i < 25; ++i)
-        sum += (double(a[i]) - b[i]) * (double(a[i]) - b[i]);
-    return std::sqrt(sum);
-}
-
-// Of receivers that see at least a tenth of the sky: the mean of the differences over the sizes.
-double difference(const Outputs& a, const Outputs& b) {
-    double sum = 0, count = 0;
-    for (size_t m = 0; m < a.meshes.size(); ++m) {
-        for (size_t v = 0; v < a.meshes[m].transfer.size(); ++v) {
-            if (b.meshes[m].transfer[v][0] < 0.028f) continue;
-            sum += norm(a.meshes[m].transfer[v], b.meshes[m].transfer[v]) / norm(b.meshes[m].transfer[v], {});
-            ++count;
-        }
-    }
-    return sum / count;
-}
-
-// Without masks, so that far objects are multiplied into the transfer vectors.
-Outputs run_far(Context* context, const std::vector<Posed>& meshes, FrameDesc settings = {}) {
-    Outputs out;
-    out.meshes.resize(meshes.size());
-    std::vector<FrameMesh> frame = frame_of(meshes);
-    for (size_t m = 0; m < meshes.size(); ++m) {
-        const Posed& p = meshes[m];
-        out.meshes[m].transfer.resize(p.positions.size());
-        frame[m].transfer = {out.meshes[m].transfer[0].data(), p.positions.size(), 100};
-        frame[m].needed = p.needed.empty() ? nullptr : p.needed.data();
-    }
-    settings.meshes = frame.data();
-    settings.mesh_count = uint32_t(frame.size());
-    FrameId id;
-    const Status started = submit(context, settings, &id);
-    EXPECT_TRUE(started.ok()) << started.text;
-    if (started.ok()) {
-        EXPECT_TRUE(wait(context, id, &out.stats).ok());
-    }
-    return out;
-}
-
-Outputs each_alone(Context* context, const std::vector<Posed>& meshes) {
-    Outputs all;
-    for (size_t m = 0; m < meshes.size(); ++m)
-        all.meshes.push_back(run_frame(context, {meshes[m]}).meshes[0]);
-    return all;
-}
 
 TEST(Objects, OneObjectOfAnyNumberIsAGroup) {
     Engine engine;
@@ -109,83 +35,6 @@ TEST(Objects, ProxiesCostLittleAndHideAboutTheSame) {
     const Outputs exact = run_frame(engine.context, as_one(meshes));
     EXPECT_GT(difference(each_alone(engine.context, meshes), exact),
               4 * difference(run_frame(engine.context, meshes), exact));
-}
-
-// A row so long that its ends see one another from their middles alone.
-TEST(Objects, TheFarthestAreDrawnOnceAMesh) {
-    Engine engine;
-    std::vector<Posed> ends = crowd(engine.context, 2, 1.2f);
-    for (Posed& mesh : ends) {
-        for (glm::vec3& p : mesh.positions)
-            p.x += mesh.object == 1 ? 6.0f : 0.0f; // some seven radii
-    }
-    const Outputs exact = run_frame(engine.context, as_one(ends)), far = run_far(engine.context, ends);
-    EXPECT_LT(difference(far, exact), 0.005);
-    // Their own triangles, and the other's six times a mesh rather than for each receiver.
-    uint64_t own = 0;
-    for (const Posed& mesh : ends)
-        own += run_frame(engine.context, {mesh}).stats.triangles_rasterized;
-    const Outputs drawn = run_frame(engine.context, ends);
-    EXPECT_LT(far.stats.triangles_rasterized - own, (drawn.stats.triangles_rasterized - own) / 20);
-}
-
-// How far is told in radii of the receivers' mesh: a small ball sees a large one from its middle although
-// that hides much of its sky.
-TEST(Objects, TheFarthestHideAsMuchAsTheyDo) {
-    Engine engine;
-    const scenes::Mesh small = scenes::sphere(3, 0.1f), large = scenes::sphere(4);
-    for (const float distance : {1.45f, 2.0f}) { // 3.5 and 9 radii between the two
-        std::vector<Posed> meshes{
-            moved(at_rest(add(engine.context, small), small), {distance, 0, 0}, 1),
-            moved(at_rest(add(engine.context, large), large), {0, 0, 0}, 2),
-        };
-        const auto of_the_small = [](Outputs out) {
-            out.meshes.resize(1);
-            return out;
-        };
-        const Outputs exact = of_the_small(run_frame(engine.context, as_one(meshes))),
-                      far = of_the_small(run_far(engine.context, meshes)),
-                      alone = of_the_small(run_frame(engine.context, {meshes[0]}));
-        EXPECT_LT(difference(far, exact), 0.12 * difference(alone, exact)) << distance;
-    }
-}
-
-// A vertex of no triangle, right over another object's top and far from its own mesh, looks down at it.
-TEST(Objects, LooseReceiversSeeFromWhereTheyAre) {
-    Engine engine;
-    const scenes::Mesh ball = scenes::sphere(3);
-    scenes::Mesh with_loose = ball;
-    with_loose.rest_positions.push_back({12, 1.2f, 0});
-    with_loose.rest_normals.push_back({0, -1, 0});
-    const Outputs out =
-        run_far(engine.context, {moved(at_rest(add(engine.context, with_loose), with_loose), {0, 0, 0}, 1),
-                                 moved(at_rest(add(engine.context, ball), ball), {12, 0, 0}, 2)});
-    EXPECT_LT(out.meshes[0].transfer.back()[0] / 0.28209479f, 0.35f);
-    EXPECT_GT(out.meshes[0].transfer.front()[0] / 0.28209479f, 0.95f);
-}
-
-// Seen once for a region of receivers.
-TEST(Objects, FarOnesAreMultipliedIn) {
-    Engine engine;
-    for (const float spacing : {1.2f, 2.5f}) {
-        const std::vector<Posed> meshes = crowd(engine.context, 4, spacing);
-        const Outputs exact = run_frame(engine.context, as_one(meshes)),
-                      drawn = run_frame(engine.context, meshes), far = run_far(engine.context, meshes);
-        EXPECT_LT(difference(far, exact), 0.035) << spacing;
-        EXPECT_LT(far.stats.triangles_rasterized, drawn.stats.triangles_rasterized) << spacing;
-        EXPECT_GT(difference(each_alone(engine.context, meshes), exact), 2 * difference(far, exact))
-            << spacing;
-    }
-    // A ball high over a floor, against the part of the sky that it takes from the floor's middle.
-    const scenes::Mesh floor = scenes::plane(2, 8), ball = scenes::sphere(4);
-    const std::vector<Posed> meshes{moved(at_rest(add(engine.context, floor), floor), {0, 0, 0}, 1),
-                                    moved(at_rest(add(engine.context, ball), ball), {0, 6, 0}, 2)};
-    const Outputs out = run_far(engine.context, meshes);
-    for (size_t v = 0; v < floor.rest_positions.size(); ++v) {
-        const glm::vec3 to = glm::vec3(0, 6, 0) - floor.rest_positions[v];
-        const float distance = glm::length(to), seen = 1 - to.y / distance / (distance * distance);
-        EXPECT_NEAR(out.meshes[0].transfer[v][0] / 0.28209479f, seen, 0.01f) << v;
-    }
 }
 
 bool is_repeated(const Posed& mesh, size_t vertex) {
