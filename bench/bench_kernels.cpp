@@ -140,12 +140,14 @@ std::vector<std::array<uint32_t, 4>> sorted(const JobList& list) {
     return jobs;
 }
 
+constexpr size_t most_jobs = 2 * jobs_per_cluster(fine_layout) + 64; // of a cluster, for both sides
+
 // `make` appends to a list; compares the jobs of both tables for every input.
 bool same_jobs(const Kernels& k, size_t inputs,
                const std::function<void(const Kernels&, size_t, JobList&)>& make) {
     Jobs ours, theirs;
-    ours.reserve(jobs_per_cluster(fine_layout) + 64);
-    theirs.reserve(jobs_per_cluster(fine_layout) + 64);
+    ours.reserve(most_jobs);
+    theirs.reserve(most_jobs);
     for (size_t i = 0; i < inputs; ++i) {
         JobList a = ours.list(), b = theirs.list();
         make(k, i, a);
@@ -159,7 +161,7 @@ void time_jobs(State& state, const Kernels& k, size_t inputs, const std::functio
                const std::function<void(const Kernels&, size_t, JobList&)>& make) {
     if (!same_jobs(k, inputs, make)) return state.SkipWithError(wrong);
     Jobs out;
-    out.reserve(jobs_per_cluster(fine_layout) + 64);
+    out.reserve(most_jobs);
     double made = 0, all = 0;
     for (size_t i = 0; i < inputs; ++i) {
         JobList list = out.list();
@@ -268,6 +270,56 @@ void run_fading(State& state, const Kernels& k, Recording& r) {
     };
     replay(state, k,
            {.inputs = lists.size(), .run = once, .items = [&](size_t i) { return lists[i].jobs.count; }});
+}
+
+// The recorded receivers, and the same ones that look behind; without those whose normal is along z.
+struct Sides {
+    Aligned<Batch> front, behind;
+    std::vector<Pair> pairs; // as recorded of the front
+
+    Sides(const Kernels& k, const Recording& r) : front(r.unprepared), behind(r.unprepared) {
+        for (size_t b = 0; b < front.size(); ++b) {
+            Normals turned = r.normals[b];
+            uint32_t valid = front[b].valid;
+            for (uint32_t lane = 0; lane < lanes; ++lane) {
+                if (turned.values[0][lane] == 0 && turned.values[1][lane] == 0) valid &= ~(1u << lane);
+                for (float(&axis)[lanes] : turned.values)
+                    axis[lane] = -axis[lane];
+            }
+            front[b].valid = behind[b].valid = valid;
+            k.prepare_batch(front[b], r.normals[b].values);
+            k.prepare_batch(behind[b], turned.values);
+        }
+        pairs = r.pairs;
+    }
+};
+
+// `at_once`: blockers are looked at once for both, else once a side.
+void both_sides(State& state, const Kernels& k, Recording& r, bool at_once) {
+    const Sides sides(k, r);
+    const float* points = r.frame->points.data() + 4 * size_t(r.frame->meshes[0].first_point);
+    const auto scratch = std::make_unique<ClusterScratch>();
+    Counters counters{};
+    const auto triangles = [&](size_t i) {
+        return 2.0 * r.frame->views[sides.pairs[i].cluster].triangle_count * lanes;
+    };
+    const uint32_t masks = lanes * mask_bytes(r.tables->layout);
+    time_jobs(state, k, sides.pairs.size(), triangles, [&](const Kernels& kernels, size_t i, JobList& list) {
+        const Batch &front = sides.front[sides.pairs[i].batch], &behind = sides.behind[sides.pairs[i].batch];
+        const ClusterView& cluster = r.frame->views[sides.pairs[i].cluster];
+        if (at_once) {
+            kernels.both_sides_jobs(front, behind, cluster, points, r.tables->layout, r.tables->horizon,
+                                    *scratch, list, counters);
+            return;
+        }
+        kernels.cluster_jobs(front, cluster, points, r.tables->layout, r.tables->horizon, *scratch, list,
+                             counters);
+        const uint32_t first = list.count;
+        kernels.cluster_jobs(behind, cluster, points, r.tables->layout, r.tables->horizon, *scratch, list,
+                             counters);
+        for (uint32_t j = first; j < list.count; ++j)
+            list.destination[j] += masks;
+    });
 }
 
 void triangles(State& state, const Kernels& k, Recording& r) {
@@ -591,6 +643,10 @@ void register_all() {
         {"cluster_jobs/fine", fine(clusters)},
         {"fading_cluster_jobs/standard", standard(fading_clusters)},
         {"run_fading_jobs/standard", standard(run_fading)},
+        {"both_sides_jobs/at_once",
+         standard([](State& t, const Kernels& k, Recording& r) { both_sides(t, k, r, true); })},
+        {"both_sides_jobs/side_by_side",
+         standard([](State& t, const Kernels& k, Recording& r) { both_sides(t, k, r, false); })},
         {"triangle_jobs/hand", standard(triangles)},
         {"fan_jobs/hand", standard(fans)},
         {"run_jobs/standard", standard(lists)},
