@@ -512,11 +512,42 @@ TEST_F(Program, WhatStandsStillIsKept) {
         expect_failure(2, std::string("render slide.gltf --out out --keep ") + other, {"--keep"});
 }
 
+TEST_F(Program, RendersSeveralModels) {
+    const std::string small = "render box.obj --size 64x48 --out ";
+    const auto picture = [&](const std::string& options) {
+        const Outcome result = run(small + "pictures " + options);
+        EXPECT_EQ(result.code, 0) << result.err;
+        EXPECT_EQ(result.err, "");
+        return contents(folder / "pictures" / "frame_0000.png");
+    };
+    const std::string alone = picture(""), pair = picture("--with box.obj"),
+                      apart = picture("--with box.obj --at 40:0:0");
+    EXPECT_NE(pair, alone);
+    EXPECT_NE(pair, apart);
+    EXPECT_NE(picture("--with box.obj --at -40:0:0"), apart);
+    EXPECT_NE(picture("--with box.obj --with slide.gltf --ground"), pair);
+    // The second one's lid lies over a corner of the first one's, which has no other shadow.
+    EXPECT_NE(picture("--with box.obj --at 2:0:1 --shadows off"), picture("--with box.obj --at 2:0:1"));
+    ASSERT_EQ(run("render slide.gltf --with box.obj --size 64x48 --frames 2 --out pictures").code, 0);
+    EXPECT_TRUE(contents(folder / "pictures" / "frame_0001.png").starts_with("\x89PNG"));
+    EXPECT_NE(run("render --help").out.find("--with MODEL"), std::string::npos);
+    EXPECT_NE(run("render --help").out.find("--at X:Y:Z"), std::string::npos);
+    expect_failure(1, small + "out --with missing.obj", {"missing.obj"});
+    expect_failure(2, small + "out --at 1:2:3", {"--at", "1 places for 0 models"});
+    expect_failure(2, small + "out --with box.obj --at 1:2", {"--at", "'1:2' is no place"});
+    expect_failure(2, small + "out --with box.obj --at 1:2:nan", {"--at", "'1:2:nan' is no place"});
+    expect_failure(2, small + "out --with box.obj --at 1:2:1e9", {"--at", "1e6"});
+    expect_failure(2, small + "out --with box.obj --at 1:2:3x", {"--at", "X:Y:Z"});
+    expect_failure(2, small + "out --with box.obj --keep", {"--keep", "--with"});
+    expect_failure(2, small + "out --with box.obj --pvs a.pvs", {"--pvs", "--with"});
+}
+
 TEST_F(Program, Study) {
     expect_failure(2, "study weather --out out", {"weather", "glossy"});
     expect_failure(2, "study glossy --scene moon --out out", {"moon", "hand"});
-    const std::pair<const char*, size_t> topics[] = {
-        {"glossy", 9}, {"direct", 12}, {"pvs", 3}, {"falloff", 6}, {"static", 4}};
+    const std::pair<const char*, size_t> topics[] = {{"glossy", 9},  {"direct", 12}, {"pvs", 3},
+                                                     {"falloff", 6}, {"static", 4},  {"sides", 3},
+                                                     {"outputs", 11}};
     for (const auto& [topic, rows] : topics) {
         const Outcome result = run(std::string("study ") + topic + " --quick --model box.obj --out out");
         ASSERT_EQ(result.code, 0) << result.err;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "tools/commands/engine.h"
+#include "tools/commands/further.h"
 #include "tools/commands/roles.h"
 #include "tools/compare/measure.h"
 
@@ -53,6 +54,7 @@ struct RenderOptions {
     Reflectance reflectance;
     Falloff falloff;
     Roles roles;
+    FurtherModels further;
     bool watertight = false;
     bool keep = false; // what did not move since the frame before
     TwoSided two_sided = TwoSided::model;

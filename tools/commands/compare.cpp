@@ -102,12 +102,12 @@ std::string read_text(const std::string& path) {
     return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
 }
 
-// Glossy, direct light, visible sets, falloff and what stands still on every built-in scene, the crowd on the
-// boxers; elsewhere what is asked for.
+// Glossy, direct light, visible sets, falloff, what stands still, both sides and outputs on every built-in
+// scene, the crowd on the boxers; elsewhere what is asked for.
 std::vector<std::string> studies_of(const CompareOptions& options, const std::string& label) {
     if (!options.studies.empty()) return options.studies;
     if (!options.models.empty() || options.scene != "all" || options.quick) return {};
-    std::vector<std::string> topics{"glossy", "direct", "pvs", "falloff", "static"};
+    std::vector<std::string> topics{"glossy", "direct", "pvs", "falloff", "static", "sides", "outputs"};
     if (label == "fight") topics.emplace_back("objects");
     return topics;
 }

@@ -156,10 +156,11 @@ CLI::App* add_compare(CLI::App& app, CompareOptions& compare, CompareWords& word
     command
         ->add_option("--study", compare.studies,
                      "topics of `nusselt study` that each scene gets a table of: glossy, direct, pvs, "
-                     "objects, falloff, static; default: "
+                     "objects, falloff, static, sides, outputs; default: "
                      "all with --scene all, objects on its fight alone, but none with --quick")
         ->type_name("TOPIC")
-        ->check(CLI::IsMember({"glossy", "direct", "pvs", "objects", "falloff", "static"}));
+        ->check(
+            CLI::IsMember({"glossy", "direct", "pvs", "objects", "falloff", "static", "sides", "outputs"}));
     command
         ->add_option(
             "--readme", compare.readme,
@@ -391,6 +392,17 @@ void parse_and_run(int argc, const char* const* argv) {
         ->add_option("--falloff", render_words.falloff,
                      "occlusion fades from one distance to another, in the model's unit; not physical")
         ->type_name("FROM:TO");
+    render_command
+        ->add_option("--with", render.further.paths,
+                     "further model in the picture, an object of its own: it shadows the others as a coarser "
+                     "one. Its first clip plays where one does. May be given several times")
+        ->type_name("MODEL")
+        ->allow_extra_args(false);
+    render_command
+        ->add_option("--at", render.further.places,
+                     "what a model of --with is moved by, once for each in turn; default: a row along x")
+        ->type_name("X:Y:Z")
+        ->allow_extra_args(false);
     render_command->add_flag("--ground", render.roles.ground,
                              "a plane below the model that takes its shadows and hides nothing");
     render_command
@@ -436,7 +448,8 @@ void parse_and_run(int argc, const char* const* argv) {
     study_words.threads = 1;
     CLI::App* study_command = app.add_subcommand(
         "study", "what a further part of the method costs and how wrong it is: a table and JSON");
-    study_command->add_option("topic", study.topic, "glossy, direct, pvs, objects, falloff, static")
+    study_command
+        ->add_option("topic", study.topic, "glossy, direct, pvs, objects, falloff, static, sides, outputs")
         ->type_name("TOPIC")
         ->required();
     CLI::Option* study_model =
@@ -578,6 +591,12 @@ void parse_and_run(int argc, const char* const* argv) {
             throw Failure("--pvs", "a set is of meshes that all block; leave --ground and --receive-only out",
                           exit_usage);
         }
+        check_places(render.further);
+        if (!render.further.paths.empty() && (!render.visible_set.empty() || render.keep))
+            throw Failure(
+                render.keep ? "--keep" : "--pvs",
+                "is of one model: several see what is far of one another otherwise; leave --with out",
+                exit_usage);
         if (!render_words.window.empty()) parse_window(render_words.window, render);
         run_render(render);
     }

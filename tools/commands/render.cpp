@@ -81,7 +81,6 @@ void run_render(const RenderOptions& options) {
         throw Failure("--pvs", "needs --shadows on; leave one of the two out", exit_usage);
     const bool several = options.frames.has_value();
     Choice choice = choose(options.model, options.clip, several || options.time.has_value());
-    assign_roles(choice.scene, options.roles);
     std::vector<double> times{options.time.value_or(0)};
     if (several) {
         times.clear();
@@ -100,6 +99,10 @@ void run_render(const RenderOptions& options) {
     } else {
         check_time(choice, times[0], "--time");
     }
+    std::vector<uint32_t> objects(choice.scene.meshes.size(), 0);
+    if (!options.further.paths.empty())
+        objects = add_models(choice.scene, options.further, several || options.time.has_value(), times[0]);
+    assign_roles(choice.scene, options.roles);
     const Image environment =
         options.environment == "sky" ? sky(1024, 512, 0) : load_environment(options.environment);
     OutputDirectory out(options.out);
@@ -119,7 +122,15 @@ void run_render(const RenderOptions& options) {
             include(framing, positions);
     }
     const Camera camera = frame_camera(framing);
-    if (options.roles.ground) add_ground(choice.scene, times);
+    std::vector<float> opacity;
+    if (options.roles.ground) {
+        for (const scenes::Mesh& mesh : choice.scene.meshes)
+            opacity.insert(opacity.end(), mesh.rest_positions.size(), 1.0f);
+        const std::vector<float> ground = add_ground(choice.scene, times);
+        opacity.insert(opacity.end(), ground.begin(), ground.end());
+        // Of one object's picture it is a part; among several it is none's.
+        objects.push_back(options.further.paths.empty() ? 0 : objects.back() + 1);
+    }
     Engine engine(choice.scene, options.engine, options.model);
     std::vector<uint8_t> hide, receive;
     for (const scenes::Mesh& mesh : choice.scene.meshes) {
@@ -127,6 +138,7 @@ void run_render(const RenderOptions& options) {
         receive.push_back(mesh.receives);
     }
 
+    engine.group(objects);
     engine.fade(options.falloff);
     if (options.watertight) engine.make_watertight();
     if (options.keep) engine.keep_still();
@@ -179,7 +191,8 @@ void run_render(const RenderOptions& options) {
                 segment_at(times[k], choice.scene.duration, engine.visible_info().segments));
         const Assembly all = assemble(choice.scene, pose);
         const Assembly drawn = triangles_of(all, choice.scene, receive);
-        const View view = cast_view(make_trace_scene(drawn), camera, options.width, options.height);
+        View view = cast_view(make_trace_scene(drawn), camera, options.width, options.height);
+        if (!opacity.empty()) fade_view(view, drawn, opacity);
         const TraceScene traced = make_trace_scene(triangles_of(all, choice.scene, hide));
         std::vector<float> open = open_transfers(all.normals);
         const auto tell = [&](double part) {

@@ -4,6 +4,7 @@
 #include "tools/trace/assembly.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <utility>
 
@@ -54,7 +55,7 @@ void assign_roles(scenes::Scene& scene, const Roles& roles) {
                       exit_usage);
 }
 
-void add_ground(scenes::Scene& scene, const std::vector<double>& times) {
+std::vector<float> add_ground(scenes::Scene& scene, const std::vector<double>& times) {
     Bounds bounds;
     scenes::Pose pose;
     for (const double time : times) {
@@ -70,6 +71,7 @@ void add_ground(scenes::Scene& scene, const std::vector<double>& times) {
         const float t = 2 * static_cast<float>(k) / (side - 1) - 1;
         return reach * t * (0.3f + 0.7f * t * t);
     };
+    std::vector<float> opacity;
     scenes::Mesh ground;
     ground.name = "ground";
     ground.hides = false;
@@ -77,6 +79,10 @@ void add_ground(scenes::Scene& scene, const std::vector<double>& times) {
         ground.rest_positions.emplace_back(middle.x + along(k % side), bounds.low.y,
                                            middle.z + along(k / side));
         ground.rest_normals.emplace_back(0, 1, 0);
+        // From 1 half-way out to 0 on the circle within the square.
+        const float away = std::hypot(along(k % side), along(k / side)) / reach;
+        const float left = std::clamp(2 - 2 * away, 0.0f, 1.0f);
+        opacity.push_back(left * left * (3 - 2 * left));
         ground.albedo.emplace_back(0.6f);
         if (k % side + 1 == side || k / side + 1 == side) continue;
         for (const uint32_t corner : {k, k + side, k + side + 1, k, k + side + 1, k + 1})
@@ -92,6 +98,7 @@ void add_ground(scenes::Scene& scene, const std::vector<double>& times) {
         out.normals.push_back(normals);
     };
     scene.meshes.push_back(std::move(ground));
+    return opacity;
 }
 
 } // namespace nusselt::tools

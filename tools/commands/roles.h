@@ -18,6 +18,7 @@ struct Roles {
 void assign_roles(scenes::Scene& scene, const Roles& roles);
 
 // A plane below all that the scene has at these times, which takes shadows and hides nothing: a mesh more.
-void add_ground(scenes::Scene& scene, const std::vector<double>& times);
+// Returns the opacity of its vertices, which fades towards its edge.
+std::vector<float> add_ground(scenes::Scene& scene, const std::vector<double>& times);
 
 } // namespace nusselt::tools

@@ -77,23 +77,51 @@ std::string stream_npy(const StreamArray& stream) {
     return npy(stream.bytes.data(), {rows, stream.element()});
 }
 
+namespace {
+
+// A stream's numbers of one vertex, whose kind is no packed transfer vector.
+void read_numbers(const StreamArray& stream, size_t vertex, uint32_t count, float* out) {
+    const uint8_t* element = stream.bytes.data() + vertex * stream.element();
+    for (uint32_t i = 0; i < count; ++i) {
+        uint16_t half;
+        switch (stream.format) {
+        case OutputFormat::float32:
+            std::memcpy(out + i, element + size_t{4} * i, 4);
+            break;
+        case OutputFormat::float16:
+            std::memcpy(&half, element + size_t{2} * i, 2);
+            out[i] = half_to_float(half);
+            break;
+        case OutputFormat::packed8:
+            out[i] = stream.kind == OutputKind::bent_normal
+                         ? static_cast<float>(static_cast<int8_t>(element[i])) / 127
+                         : static_cast<float>(element[i]) / 255;
+        }
+    }
+}
+
+FormatError mean_and_p99(std::vector<double>& errors) {
+    FormatError result;
+    if (errors.empty()) return result;
+    std::sort(errors.begin(), errors.end());
+    for (const double e : errors)
+        result.mean += e / static_cast<double>(errors.size());
+    result.p99 = errors[errors.size() * 99 / 100];
+    return result;
+}
+
+} // namespace
+
 FormatError format_error(const StreamArray& stream, const std::vector<float>& transfer) {
     const uint32_t terms = stream.bands * stream.bands;
     std::vector<double> errors;
     for (size_t v = 0; v * 25 < transfer.size(); ++v) {
         const float* exact = transfer.data() + 25 * v;
-        const uint8_t* element = stream.bytes.data() + v * stream.element();
         float read[25];
         if (stream.format == OutputFormat::packed8) {
-            unpack_transfer(element, stream.bands, read);
-        } else if (stream.format == OutputFormat::float32) {
-            std::memcpy(read, element, stream.element());
+            unpack_transfer(stream.bytes.data() + v * stream.element(), stream.bands, read);
         } else {
-            for (uint32_t i = 0; i < terms; ++i) {
-                uint16_t half;
-                std::memcpy(&half, element + size_t{2} * i, 2);
-                read[i] = half_to_float(half);
-            }
+            read_numbers(stream, v, terms, read);
         }
         double square = 0, size = 0;
         for (uint32_t i = 0; i < terms; ++i) {
@@ -105,13 +133,26 @@ FormatError format_error(const StreamArray& stream, const std::vector<float>& tr
         constexpr double one_percent = 0.0028209479;
         if (exact[0] > one_percent) errors.push_back(std::sqrt(square / size));
     }
-    FormatError result;
-    if (errors.empty()) return result;
-    std::sort(errors.begin(), errors.end());
-    for (const double e : errors)
-        result.mean += e / static_cast<double>(errors.size());
-    result.p99 = errors[errors.size() * 99 / 100];
-    return result;
+    return mean_and_p99(errors);
+}
+
+FormatError format_error(const StreamArray& stream, const StreamArray& exact) {
+    const bool bent = stream.kind == OutputKind::bent_normal;
+    const uint32_t numbers = bent ? 3 : 1;
+    std::vector<double> errors;
+    for (size_t v = 0; v * stream.element() < stream.bytes.size(); ++v) {
+        float a[3] = {}, b[3] = {};
+        read_numbers(stream, v, numbers, a);
+        read_numbers(exact, v, numbers, b);
+        // Between directions by the cross product: an arc cosine would see nothing below 0.02 degrees.
+        const double x = double{a[1]} * b[2] - double{a[2]} * b[1],
+                     y = double{a[2]} * b[0] - double{a[0]} * b[2],
+                     z = double{a[0]} * b[1] - double{a[1]} * b[0];
+        const double along = double{a[0]} * b[0] + double{a[1]} * b[1] + double{a[2]} * b[2];
+        errors.push_back(bent ? std::atan2(std::sqrt(x * x + y * y + z * z), along) * 57.29577951308232
+                              : std::fabs(double{a[0]} - b[0]));
+    }
+    return mean_and_p99(errors);
 }
 
 } // namespace nusselt::tools

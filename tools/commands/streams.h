@@ -36,5 +36,8 @@ struct FormatError {
     double mean = 0, p99 = 0;
 };
 FormatError format_error(const StreamArray& stream, const std::vector<float>& transfer);
+// The same of ambient occlusion, in parts of an open sky, and of bent normals, in degrees, over all vertices;
+// `exact` is the same stream as float32.
+FormatError format_error(const StreamArray& stream, const StreamArray& exact);
 
 } // namespace nusselt::tools

@@ -20,7 +20,8 @@ struct Topic {
     Study (*run)(const Subject& subject, const StudyOptions& options);
 };
 constexpr Topic topics[] = {{"glossy", study_glossy},   {"direct", study_direct},   {"pvs", study_pvs},
-                            {"objects", study_objects}, {"falloff", study_falloff}, {"static", study_static}};
+                            {"objects", study_objects}, {"falloff", study_falloff}, {"static", study_static},
+                            {"sides", study_sides},     {"outputs", study_outputs}};
 
 const Topic& topic_of(const std::string& name) {
     std::string list;
@@ -99,6 +100,25 @@ std::vector<uint32_t> choose_receivers(size_t vertices, size_t most) {
     for (size_t k = 0; k < count; ++k)
         chosen.push_back(static_cast<uint32_t>(k * vertices / count));
     return chosen;
+}
+
+Reference trace_some(Assembly assembly, size_t receivers, uint32_t rays) {
+    const TraceScene traced = make_trace_scene(assembly);
+    // What has no normal isn't traced.
+    std::vector<glm::vec3> normals(assembly.normals.size(), glm::vec3(0));
+    for (const uint32_t v : choose_receivers(normals.size(), receivers))
+        normals[v] = assembly.normals[v];
+    assembly.normals = normals;
+    TraceOptions trace;
+    trace.rays = rays;
+    trace.cancel = &interrupted();
+    Reference reference;
+    reference.transfer = trace_transfer(traced, assembly, trace).transfer;
+    trace.lift = clear_lift;
+    const std::vector<float> lifted = trace_transfer(traced, assembly, trace).transfer;
+    throw_if_interrupted();
+    reference.clear = clear_receivers(reference.transfer, lifted);
+    return reference;
 }
 
 Study run_topic(const std::string& topic, const Subject& subject, const StudyOptions& options) {

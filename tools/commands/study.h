@@ -3,6 +3,7 @@
 
 #include "tools/commands/engine.h"
 #include "tools/report/table.h"
+#include "tools/trace/trace.h"
 
 #include <functional>
 #include <string>
@@ -44,6 +45,13 @@ std::vector<double> measure_in_turns(uint32_t rounds, const std::vector<std::fun
 // Receivers with a reference: evenly chosen, at most so many.
 std::vector<uint32_t> choose_receivers(size_t vertices, size_t most);
 
+// Transfer vectors of some receivers, ray-traced, zeros elsewhere, and which of those touch nothing.
+struct Reference {
+    std::vector<float> transfer;
+    std::vector<uint8_t> clear;
+};
+Reference trace_some(Assembly assembly, size_t receivers, uint32_t rays);
+
 // The topics.
 Study study_glossy(const Subject& subject, const StudyOptions& options);
 Study study_direct(const Subject& subject, const StudyOptions& options);
@@ -51,5 +59,7 @@ Study study_pvs(const Subject& subject, const StudyOptions& options);
 Study study_objects(const Subject& subject, const StudyOptions& options);
 Study study_falloff(const Subject& subject, const StudyOptions& options);
 Study study_static(const Subject& subject, const StudyOptions& options);
+Study study_sides(const Subject& subject, const StudyOptions& options);
+Study study_outputs(const Subject& subject, const StudyOptions& options);
 
 } // namespace nusselt::tools

@@ -4,7 +4,6 @@
 #include "tools/commands/study.h"
 #include "tools/image/image.h"
 #include "tools/render/render.h"
-#include "tools/report/stop.h"
 #include "tools/trace/trace.h"
 
 #include <algorithm>
@@ -14,31 +13,6 @@
 namespace nusselt::tools {
 
 namespace {
-
-struct Reference {
-    std::vector<float> transfer; // zeros but for the receivers that were traced
-    std::vector<uint8_t> clear;
-};
-
-Reference trace_some(const Crowd& crowd, size_t receivers, uint32_t rays) {
-    Assembly assembly = assemble(crowd.scene, crowd.pose);
-    const TraceScene traced = make_trace_scene(assembly);
-    // What has no normal isn't traced.
-    std::vector<glm::vec3> normals(assembly.normals.size(), glm::vec3(0));
-    for (const uint32_t v : choose_receivers(normals.size(), receivers))
-        normals[v] = assembly.normals[v];
-    assembly.normals = normals;
-    TraceOptions trace;
-    trace.rays = rays;
-    trace.cancel = &interrupted();
-    Reference reference;
-    reference.transfer = trace_transfer(traced, assembly, trace).transfer;
-    trace.lift = clear_lift;
-    const std::vector<float> lifted = trace_transfer(traced, assembly, trace).transfer;
-    throw_if_interrupted();
-    reference.clear = clear_receivers(reference.transfer, lifted);
-    return reference;
-}
 
 // The crowd under the built-in sky, from above, for each of several sets of transfer vectors.
 struct Pictures {
@@ -89,8 +63,8 @@ Study study_objects(const Subject& subject, const StudyOptions& options) {
         const Crowd crowd = make_crowd(subject.scene, n, spacing);
         Engine all(crowd.scene, options.engine, subject.name);
         const CrowdFrames frames = run_crowd(crowd, all, one, options.quality, options.quick ? 3 : 7);
-        const Reference reference =
-            trace_some(crowd, options.quick ? 600 : 3000, options.quick ? 1024 : 4096);
+        const Reference reference = trace_some(assemble(crowd.scene, crowd.pose), options.quick ? 600 : 3000,
+                                               options.quick ? 1024 : 4096);
         const auto error = [&](const std::vector<float>& transfer) {
             return transfer_error(transfer, reference.transfer, reference.clear);
         };

@@ -12,7 +12,7 @@ Study study_static(const Subject& subject, const StudyOptions& options) {
     study.table.columns = {"frame", "ms", "over all anew", "refit, ms", "receivers computed"};
     constexpr double moments[] = {0.45, 0.47};
     scenes::Scene scene = subject.scene;
-    add_ground(scene, {moments[0] * scene.duration, moments[1] * scene.duration});
+    (void)add_ground(scene, {moments[0] * scene.duration, moments[1] * scene.duration});
     scenes::Scene solid = scene;
     solid.meshes.back().hides = true;
     scenes::Pose poses[2];

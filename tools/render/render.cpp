@@ -132,6 +132,21 @@ View cast_view(const TraceScene& scene, const Camera& camera, uint32_t width, ui
     return view;
 }
 
+void fade_view(View& view, const Assembly& all, const std::vector<float>& opacity) {
+    view.opacity.assign(view.covered.size(), 1.0f);
+    for (size_t pixel = 0; pixel < view.covered.size(); ++pixel) {
+        if (!view.covered[pixel]) continue;
+        float sum = 0;
+        for (size_t k = pixel * samples_per_pixel; k < (pixel + 1) * samples_per_pixel; ++k) {
+            if (view.triangle[k] == no_triangle) continue;
+            const uint32_t* corner = &all.indices[size_t{3} * view.triangle[k]];
+            const float u = view.uv[2 * k], v = view.uv[2 * k + 1];
+            sum += (1 - u - v) * opacity[corner[0]] + u * opacity[corner[1]] + v * opacity[corner[2]];
+        }
+        view.opacity[pixel] = sum / static_cast<float>(view.covered[pixel]);
+    }
+}
+
 Image color_view(const View& view, const Assembly& all, const std::vector<float>& radiance,
                  const BackRadiance& backs) {
     const auto has_back = [&](const uint32_t* corner) {
@@ -159,6 +174,15 @@ Image color_view(const View& view, const Assembly& all, const std::vector<float>
     return image;
 }
 
+namespace {
+
+float part_covered(const View& view, size_t pixel) {
+    const float hits = static_cast<float>(view.covered[pixel]) / samples_per_pixel;
+    return view.opacity.empty() ? hits : hits * view.opacity[pixel];
+}
+
+} // namespace
+
 Picture finish_view(const View& view, const Image& colored, float exposure, const Image* environment) {
     Picture picture = tone_map(colored, exposure);
     Picture background(view.width, view.height);
@@ -184,9 +208,9 @@ Picture finish_view(const View& view, const Image& colored, float exposure, cons
     }
     // Edges are blended after the film curve: a bright sky doesn't eat into the outline.
     for (size_t k = 0; k < picture.rgb.size(); ++k) {
-        const unsigned hits = view.covered[k / 3];
-        picture.rgb[k] = static_cast<uint8_t>(
-            (hits * picture.rgb[k] + (samples_per_pixel - hits) * background.rgb[k] + 4) / samples_per_pixel);
+        const float part = part_covered(view, k / 3);
+        picture.rgb[k] = static_cast<uint8_t>(static_cast<float>(picture.rgb[k]) * part +
+                                              static_cast<float>(background.rgb[k]) * (1 - part) + 0.5f);
     }
     return picture;
 }
@@ -194,7 +218,7 @@ Picture finish_view(const View& view, const Image& colored, float exposure, cons
 Picture show_view(const View& view, const Image& colored) {
     Picture picture(view.width, view.height);
     for (size_t k = 0; k < picture.rgb.size(); ++k) {
-        const float part = static_cast<float>(view.covered[k / 3]) / samples_per_pixel;
+        const float part = part_covered(view, k / 3);
         const float value = std::clamp(colored.rgb[k], 0.0f, 1.0f);
         picture.rgb[k] = static_cast<uint8_t>(255 * (value * part + 1 - part) + 0.5f);
     }

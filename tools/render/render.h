@@ -42,10 +42,14 @@ struct View {
     std::vector<float> uv; // 2 barycentric coordinates a sample, of the triangle's second and third corner
     std::vector<uint8_t> behind;  // one a sample: 1 where the triangle's back is seen
     std::vector<uint8_t> covered; // samples of each pixel that hit, 0 to 9
+    std::vector<float> opacity;   // of each pixel's hits (fade_view); empty: 1
 };
 constexpr uint32_t no_triangle = 0xFFFFFFFFu;
 
 View cast_view(const TraceScene& scene, const Camera& camera, uint32_t width, uint32_t height);
+
+// Lets what is behind shine through: `opacity` of each vertex, 0 to 1.
+void fade_view(View& view, const Assembly& all, const std::vector<float>& opacity);
 
 // The mean over each pixel's hits of the vertices' radiance (3 floats each); 0 where nothing was hit. Of
 // triangles seen from behind that of `backs`, where there is one; otherwise they look as from the front.
