@@ -40,7 +40,7 @@ HWY_INLINE hn::Mask<Word> mask_of(uint32_t bits) {
 // What a job knows of its triangle's plane, for all samples.
 struct Plane {
     V x, y, z;
-    V to, steepness; // the fade's end in units of its length, and one over that
+    V to, steepness; // the fade's end over its length, and one over its length
 };
 
 // Raises the parts of those of a block's samples that are covered.

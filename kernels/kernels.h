@@ -163,7 +163,9 @@ using BothSidesJobs = void (*)(const Batch& batch, const Batch& behind, const Cl
                                ClusterScratch& scratch, JobList& jobs, Counters& counters);
 
 // As ClusterJobs, but for what a fade does: triangles that lie before its beginning are `jobs`, those that
-// end behind it `fading`, and those that lie beyond its end neither. Layouts with an octahedral table only.
+// end behind it `fading`, and those that lie beyond its end neither. What a
+// receiver touches (touching.h) is in `jobs`. At most jobs_per_cluster each. Layouts with an octahedral table
+// only.
 using FadingClusterJobs = void (*)(const Batch& batch, const ClusterView& cluster, const float* points,
                                    const MaskLayout& layout, float horizon, const Fade& fade,
                                    ClusterScratch& scratch, JobList& jobs, FadingJobs& fading,

@@ -38,9 +38,9 @@ enum class PlaneMap : uint32_t {
 // (and x > 0), from the middle outwards. With the cube's planes the blocks lie row by row over the whole
 // mask.
 struct MaskLayout {
-    SampleMap samples;
+    SampleMap samples; // scattered with octahedral planes only
     PlaneMap planes;
-    uint32_t side;        // 32 or 64
+    uint32_t side;        // 32 or 64; 32 with the cube's planes
     uint32_t plane_cells; // a power of two: cells along a side of the square (octahedral) or of a face (cube)
 };
 
@@ -94,8 +94,8 @@ constexpr uint32_t last_cell(const MaskLayout& l) {
     return (table_cells(l) - 1) << cell_shift(l);
 }
 // Entries for a part's samples turned by half a turn and by a quarter (x to y), from those for the samples as
-// they are (octahedral): of a plane turned back. A cell (u, v) goes to the last one less it, and to (last -
-// v, u).
+// they are (octahedral): of a plane turned back. A cell (u, v) goes to the
+// last one less it, and to (last - v, u).
 constexpr uint32_t half_turned(const MaskLayout& l, uint32_t entry) {
     return (last_cell(l) + 3 - entry) ^ 3;
 }

@@ -6,7 +6,6 @@
 #include "kernels/scalar.h"
 #include "kernels/touching.h"
 
-#include <algorithm>
 #include <cstring>
 
 namespace nusselt::kernels {

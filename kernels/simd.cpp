@@ -1036,7 +1036,7 @@ void run_jobs_of(const Tables& tables, JobList& jobs, uint8_t* masks) {
     constexpr uint32_t ahead = 12; // jobs: covers a miss in L2 at the rate at which they are carried out
     const uint8_t* planes = tables.planes;
     for (uint32_t j = 0; j < jobs.count; ++j) {
-        const uint32_t next = j + ahead; // the list has slack to read past its end
+        const uint32_t next = j + ahead;
         for (uint32_t k = 0; k < 3; ++k) {
             for (uint32_t line = 0; line < bytes; line += 64)
                 __builtin_prefetch(planes + (jobs.plane[k][next < jobs.count ? next : j] & ~63u) + line);

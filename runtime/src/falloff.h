@@ -10,7 +10,8 @@ Status check_falloff(const FrameDesc& desc);
 kernels::Fade make_fade(const Falloff& falloff, float scale);
 
 // Draws the selected clusters: what lies before the fade's beginning into worker.masks, which hold the masks
-// of digits behind them, and those of what is hidden in part. The job list may hold jobs.
+// of digits behind them, and those of what is hidden in part. The job list may hold jobs. Leaves
+// worker.selected in disorder.
 void draw_fading(const Frame& frame, const kernels::Batch& batch, uint32_t selected, Worker& worker,
                  kernels::JobList& jobs, StageClock& clock);
 

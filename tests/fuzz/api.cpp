@@ -128,8 +128,11 @@ void thread(Shared& shared, Bytes in) {
                                 {flight.transfer.data(), s.count(), 100},
                                 {}};
             const Quality quality = op & 64 ? Quality::draft : Quality::standard;
-            const Status status = submit(shared.context, {&use, 1, quality}, &flight.id);
-            expect(one_of(status, {StatusCode::ok, StatusCode::stale_handle, StatusCode::busy}),
+            FrameDesc desc{&use, 1, quality};
+            if (op & 128) desc.falloff = {in.raw_float(), in.raw_float()};
+            const Status status = submit(shared.context, desc, &flight.id);
+            expect(one_of(status, {StatusCode::ok, StatusCode::stale_handle, StatusCode::busy}) ||
+                       (op & 128 && status.code == StatusCode::invalid_argument),
                    "submitting answers");
             if (!status.ok()) flights.pop_back();
             break;

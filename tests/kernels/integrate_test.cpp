@@ -195,8 +195,8 @@ TEST(Integrate, QuadrantsAreTheIntegralsOverThem) {
     }
 }
 
-// More blocked, less light: the first term falls with every bit, but for a step of rounding between a row of
-// four and its part.
+// More blocked, less light: the first term falls with every bit, but for rounding between a row of four and
+// its part: 2.44 steps at most.
 TEST(Integrate, EveryUsedBitWeighs) {
     for (const NamedLayout& l : layouts) {
         std::vector<uint8_t> mask(mask_bytes(l.layout));

@@ -264,7 +264,7 @@ TEST(ClosedForm, Disc) {
     }
     tell("disc", errors);
     EXPECT_LE(errors.rms(), 3.5);
-    EXPECT_LE(errors.most, 17);
+    EXPECT_LE(errors.most, 17); // 15.4 reached
 }
 
 TEST(ClosedForm, Sphere) {

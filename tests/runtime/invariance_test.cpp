@@ -4,6 +4,7 @@
 #include "tests/jobs/executors.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cfenv>
 #include <cmath>
@@ -35,10 +36,18 @@ TEST(Determinism, EveryIsa) {
     }
 }
 
+// A scene's frame, and the same with a falloff.
+std::array<Outputs, 2> run_both_ways(Context* context, const scenes::Scene& scene, double time) {
+    FrameDesc fading;
+    fading.falloff = {0.05f, 0.3f};
+    return {run_scene(context, scene, time),
+            run_frame(context, posed(scene, add_all(context, scene), time), fading)};
+}
+
 TEST(Determinism, EveryExecutor) {
     const scenes::Scene scene = scenes::builtin("fight");
     Engine serial;
-    const Outputs expected = run_scene(serial.context, scene, 0.6);
+    const std::array<Outputs, 2> expected = run_both_ways(serial.context, scene, 0.6);
     for (const ExecutorOptions& options : hostile_executors()) {
         TestExecutor hostile(options);
         {
@@ -46,7 +55,7 @@ TEST(Determinism, EveryExecutor) {
             desc.executor = hostile.hook();
             Engine engine(desc);
             for (int repeat = 0; repeat < 2; ++repeat)
-                EXPECT_EQ(run_scene(engine.context, scene, 0.6), expected) << options.name;
+                EXPECT_EQ(run_both_ways(engine.context, scene, 0.6), expected) << options.name;
         }
         EXPECT_EQ(hostile.broken(), "") << options.name;
     }
@@ -55,7 +64,7 @@ TEST(Determinism, EveryExecutor) {
 TEST(Determinism, EveryNumberOfTbbThreads) {
     const scenes::Scene scene = scenes::builtin("fight");
     Engine serial;
-    const Outputs expected = run_scene(serial.context, scene, 0.6);
+    const std::array<Outputs, 2> expected = run_both_ways(serial.context, scene, 0.6);
     for (const uint32_t threads : {1u, 2u, 3u, 8u}) {
         Executor executor;
         const Status status = create_tbb_executor(threads, &executor);
@@ -66,7 +75,7 @@ TEST(Determinism, EveryNumberOfTbbThreads) {
             desc.executor = executor;
             Engine engine(desc);
             for (int repeat = 0; repeat < 4; ++repeat)
-                EXPECT_EQ(run_scene(engine.context, scene, 0.6), expected) << threads;
+                EXPECT_EQ(run_both_ways(engine.context, scene, 0.6), expected) << threads;
         }
         destroy_executor(&executor);
     }

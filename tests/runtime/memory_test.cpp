@@ -147,9 +147,10 @@ TEST(Memory, FramesAndHistoriesKeepToTheirBounds) {
             EXPECT_LE(history, (160 + mask) * vertices + 192 * triangles + 2 * (32 << 10));
             std::printf(
                 "%s %s: frame %.1f B a triangle, history %.1f B a vertex without masks, %zu and %zu; with "
-                "backs %zu more\n",
+                "backs %td more\n",
                 name, quality_name(quality), double(frame) / double(triangles),
-                double(history) / double(vertices) - double(mask), frame, history, backs - frame);
+                double(history) / double(vertices) - double(mask), frame, history,
+                ptrdiff_t(backs) - ptrdiff_t(frame));
         }
     }
 }

@@ -97,9 +97,9 @@ TEST(Invariants, M2Winding) {
     }
 }
 
-// M3, M4. Level: table, of samples that have these symmetries themselves, which scattered ones do not.
-// Mirrored and turned by a quarter about the normal. Bits may differ where a plane
-// falls on the border of two cells, and in the half of the mask that a triangle cannot reach (it is not drawn
+// M3, M4. Level: table, of samples that have all of these symmetries themselves, which scattered ones
+// do not. Mirrored and turned by a quarter about the normal. Bits may differ where a plane
+// falls on the border of two cells, and in the part of the mask that a triangle cannot reach (it is not drawn
 // there, although its planes' error could reach over): those are counted.
 TEST(Invariants, M3M4Symmetries) {
     constexpr MaskLayout grid{SampleMap::disk_grid, PlaneMap::octahedral, 32, 128};

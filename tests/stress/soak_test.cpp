@@ -222,7 +222,7 @@ TEST(Soak, NothingGrowsAndNothingDrifts) {
             if (frame >= warm && frame < warm + window) first_ms += out.stats.cpu_ms;
             if (frame >= frames - window) last_ms += out.stats.cpu_ms;
             if (kind == Kind::budget) continue;
-            // The first of its kind, the last of its kind, and the first after a budget.
+            // The last without a history, the last with one, and the first after a budget.
             if (frame % 500 == 24 || frame % 500 == 249 || frame % 500 == 475 || frame + 1 == frames) {
                 ++compared;
                 Engine cold;

@@ -47,10 +47,12 @@ Study study_falloff(const Subject& subject, const StudyOptions& options) {
     const uint32_t rays = options.quick ? 1024 : 16384;
     TraceOptions whole_distance;
     whole_distance.rays = rays;
+    whole_distance.cancel = &interrupted();
     const TraceResult reference = trace_transfer(traced, chosen, whole_distance);
     whole_distance.lift = clear_lift;
     const std::vector<uint8_t> clear =
         clear_receivers(reference.transfer, trace_transfer(traced, chosen, whole_distance).transfer);
+    throw_if_interrupted();
     Bounds bounds;
     grow(bounds, all.positions);
     const float size = diagonal(bounds);

@@ -329,8 +329,9 @@ void warn_of_bounds(Document& document, const Buffers& buffers) {
     }
     if (wrong == 0) return;
     warn(document.warnings, "ACCESSOR_BOUNDS",
-         accessor_path(first) + ": its min or max is not what its data has, and so of " +
-             std::to_string(wrong - 1) + " others; they are not read");
+         accessor_path(first) + ": its min or max is not what its data has" +
+             (wrong > 1 ? ", and so of " + std::to_string(wrong - 1) + " others" : std::string()) +
+             "; they are not read");
 }
 
 } // namespace

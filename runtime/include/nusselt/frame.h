@@ -81,8 +81,8 @@ struct FrameMesh {
 // no physical light: what is far away hides the sky in truth. Use it where only contact should darken, in a
 // room say. Samples of a mask are hidden in part, in sixteenths, by how far off they meet a triangle; own
 // triangles and a closed part around a receiver hide all. Masks have the samples of which anything is
-// hidden. Short distances make a frame cheaper, those in the midst of a mesh up to a third dearer
-// (docs/outputs.md).
+// hidden. Short distances make a frame cheaper, those in the midst of a mesh up to a third dearer,
+// and up to 1.7 times as dear where the fade begins at 0 (docs/outputs.md).
 struct Falloff {
     float from = 0;
     float to = 0; // 0: none, all distances count
@@ -123,7 +123,8 @@ struct FrameDesc {
     const VisibleSet* visible = nullptr;
     VisibleSet* record = nullptr;
     uint32_t visible_segment = 0;
-    Falloff falloff = {}; // not with quality `paper`, a history, glossy or direct outputs
+    Falloff falloff = {}; // not with quality `paper`, a history, a visible set,
+                          // `watertight`, glossy or direct outputs
     // Where at most one in 16 of a mask's samples is open, these are decided by the triangles themselves, one
     // after the other until one is truly open: planes rounded to the table leave a few open around vertices,
     // which inside a closed surface is light from nowhere. For rooms and machines whose inside is seen; some
