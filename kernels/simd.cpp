@@ -199,15 +199,16 @@ HWY_INLINE U destinations(const MaskLayout& layout, uint32_t lane) {
     return hn::Mul(hn::Iota(du, lane), hn::Set(du, mask_bytes(layout)));
 }
 
-HWY_INLINE uint64_t signs_of(V x, V y) {
+// A bit a lane each: y < 0, y > 0, and where the mask has quarters x < 0, x > 0.
+HWY_INLINE uint64_t signs_of(const MaskLayout& layout, V x, V y) {
     const V zero = hn::Zero(df);
-    return uint64_t(bits_of(hn::Lt(y, zero))) | uint64_t(bits_of(hn::Gt(y, zero))) << 16 |
-           uint64_t(bits_of(hn::Lt(x, zero))) << 32 | uint64_t(bits_of(hn::Gt(x, zero))) << 48;
+    const uint64_t halves = bits_of(hn::Lt(y, zero)) | bits_of(hn::Gt(y, zero)) << 16;
+    if (mask_parts(layout) == 2) return halves;
+    return halves | uint64_t(bits_of(hn::Lt(x, zero)) | bits_of(hn::Gt(x, zero)) << 16) << 32;
 }
 
 // The lanes of `active` in which a triangle reaches each part of the mask, in the order in which add_jobs
-// adds them; returns how many parts there are. `signs`: a bit a lane each, that a corner has y < 0, y > 0, x
-// < 0, x > 0.
+// adds them; returns how many parts there are. `signs`: the OR of its corners'.
 HWY_INLINE uint32_t lanes_by_part(const MaskLayout& layout, uint32_t active, uint64_t signs,
                                   uint32_t out[4]) {
     const uint32_t lower = active & static_cast<uint32_t>(signs),
@@ -246,9 +247,11 @@ HWY_INLINE void add_jobs(const MaskLayout& layout, const U entry[3], U destinati
             turned[k] = hn::Xor(hn::Sub(last, from[k]), flags);
     };
     if (parts == 2) {
-        half_turn(entry);
-        append(turned, destination, reaching[0], jobs);
-        append(entry, hn::Add(destination, part), reaching[1], jobs);
+        if (reaching[0]) {
+            half_turn(entry);
+            append(turned, destination, reaching[0], jobs);
+        }
+        if (reaching[1]) append(entry, hn::Add(destination, part), reaching[1], jobs);
         return;
     }
     U quarter[3] = {entry[0], entry[1], entry[2]}; // not read unturned, which gcc for aarch64 does not see
@@ -635,12 +638,21 @@ HWY_INLINE uint64_t corners_of(const ClusterView& cluster, uint32_t t) {
     return 1ull << triangle[0] | 1ull << triangle[1] | 1ull << triangle[2];
 }
 
+// Of the receivers over a triangle's plane.
+HWY_INLINE V height_above(const ClusterView& cluster, uint32_t triangle, const Chunk& chunk) {
+    const uint32_t slots = triangle_slots(cluster.triangle_count);
+    const float* plane = cluster.bounds + triangle;
+    return hn::Sub(dot(constant(plane[0]), constant(plane[slots]), constant(plane[2 * slots]),
+                       chunk.position[0], chunk.position[1], chunk.position[2]),
+                   constant(plane[3 * slots]));
+}
+
 // Facing, from the planes alone: it spares half of the corners their transformation. Which way a receiver
 // looks does not matter.
 HWY_INLINE void face_triangles(const ClusterWork& work, const FirstLook& look, const Chunk& chunk,
                                uint32_t lane, V margin, TriangleLanes& out) {
     const ClusterView& cluster = work.cluster;
-    const uint32_t slots = triangle_slots(cluster.triangle_count), valid = out.valid[0] | out.valid[1];
+    const uint32_t valid = out.valid[0] | out.valid[1];
     const V opposite = hn::Sub(hn::Zero(df), margin);
     const V touch_margin = cluster.full ? margin : constant(-1.0f); // none: coarse surfaces lie off
     out.corners = 0;
@@ -654,10 +666,7 @@ HWY_INLINE void face_triangles(const ClusterWork& work, const FirstLook& look, c
     }
     for (uint64_t left = look.visible & ~out.seen; left; left &= left - 1) {
         const uint32_t t = static_cast<uint32_t>(__builtin_ctzll(left));
-        const float* plane = cluster.bounds + t;
-        const V height = hn::Sub(dot(constant(plane[0]), constant(plane[slots]), constant(plane[2 * slots]),
-                                     chunk.position[0], chunk.position[1], chunk.position[2]),
-                                 constant(plane[3 * slots]));
+        const V height = height_above(cluster, t, chunk);
         out.front[t] = bits_of(hn::Gt(height, margin)) & valid;
         out.back[t] = cluster.two_sided ? bits_of(hn::Lt(height, opposite)) & valid : 0;
         const M touches = hn::Le(hn::Abs(height), touch_margin);
@@ -671,14 +680,6 @@ HWY_INLINE void face_triangles(const ClusterWork& work, const FirstLook& look, c
         out.corners |= any ? corners_of(cluster, t) : 0;
         out.seen |= uint64_t(any) << t;
     }
-}
-
-HWY_INLINE V height_above(const ClusterView& cluster, uint32_t triangle, const Chunk& chunk) {
-    const uint32_t slots = triangle_slots(cluster.triangle_count);
-    const float* plane = cluster.bounds + triangle;
-    return hn::Sub(dot(constant(plane[0]), constant(plane[slots]), constant(plane[2 * slots]),
-                       chunk.position[0], chunk.position[1], chunk.position[2]),
-                   constant(plane[3 * slots]));
 }
 
 // Leaves out what is beyond the fade's end, of the triangles that may be: is_beyond of sixteen receivers.
@@ -730,7 +731,7 @@ HWY_INLINE void place_corners(const ClusterWork& work, const Chunk& chunk, const
         const uint64_t over = bits_of(hn::Gt(hn::Sub(local.z, rise), zero));
         const uint64_t near = bits_of(hn::Lt(square, farthest)), far = bits_of(hn::Ge(square, nearest));
         scratch.reach[v] = above | over << 16 | near << 32 | far << 48;
-        scratch.signs[v] = signs_of(local.x, local.y);
+        scratch.signs[v] = signs_of(work.layout, local.x, local.y);
         if constexpr (fading)
             scratch.near[v] = bits_of(hn::Lt(square, constant(work.fade->from * work.fade->from)));
         if constexpr (both) {
@@ -960,7 +961,7 @@ HWY_INLINE void free_jobs(const MaskLayout& layout, const Vec3 corner[3], const 
     counter += static_cast<uint32_t>(__builtin_popcount(bits));
     uint64_t signs = 0;
     for (uint32_t k = 0; k < 3; ++k)
-        signs |= signs_of(corner[k].x, corner[k].y);
+        signs |= signs_of(layout, corner[k].x, corner[k].y);
     if (layout.planes == PlaneMap::octahedral) {
         add_jobs<PlaneMap::octahedral>(layout, entry, destinations(layout, lane), bits, signs, jobs);
     } else {
