@@ -118,7 +118,8 @@ constexpr uint32_t entry_of_part(const MaskLayout& l, uint32_t entry, uint32_t p
 }
 
 constexpr MaskLayout paper_layout{SampleMap::disk_grid, PlaneMap::cube, 32, 128};
-constexpr MaskLayout standard_layout{SampleMap::scattered, PlaneMap::octahedral, 32, 128};
+constexpr MaskLayout draft_layout{SampleMap::scattered, PlaneMap::octahedral, 32, 128};
+constexpr MaskLayout standard_layout{SampleMap::scattered, PlaneMap::octahedral, 32, 256};
 constexpr MaskLayout fine_layout{SampleMap::scattered, PlaneMap::octahedral, 64, 256};
 
 // Integration tables of one layout; all sizes in elements.

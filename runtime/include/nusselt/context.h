@@ -35,7 +35,7 @@ struct ContextDesc {
 
 // Makes a context. `unsupported`: the instruction set is not available here (or NUSSELT_ISA names no
 // available one). Builds the tables of a quality when the first context asks for it (under a second together,
-// at most 24 MB in a process); they are released with the last context.
+// at most 29 MB in a process); they are released with the last context.
 Status create_context(const ContextDesc& desc, Context** out);
 
 // Destroys the context and its meshes. `busy` while a frame is in flight: wait for it first. Null is ignored.
