@@ -212,24 +212,52 @@ struct FadingList {
     }
 };
 
+// As `sorted` of a JobList, with the floats by their bits.
+std::vector<std::array<uint32_t, 7>> sorted(const FadingJobs& jobs) {
+    std::vector<std::array<uint32_t, 7>> all;
+    for (uint32_t j = 0; j < jobs.list.count; ++j) {
+        std::array<uint32_t, 7> job{jobs.list.destination[j], jobs.list.plane[0][j], jobs.list.plane[1][j],
+                                    jobs.list.plane[2][j]};
+        for (size_t i = 0; i < 3; ++i)
+            std::memcpy(&job[4 + i], &jobs.inverse[i][j], 4);
+        all.push_back(job);
+    }
+    std::sort(all.begin(), all.end());
+    return all;
+}
+
 void fading_clusters(State& state, const Kernels& k, Recording& r) {
     const float* points = r.frame->points.data() + 4 * size_t(r.frame->meshes[0].first_point);
     const auto scratch = std::make_unique<ClusterScratch>();
     Counters counters{};
-    FadingList out;
-    out.reserve(jobs_per_cluster(fine_layout) + 64);
-    uint32_t in_part = 0;
+    FadingList out[2];
+    for (FadingList& list : out)
+        list.reserve(jobs_per_cluster(fine_layout) + 64);
     const auto triangles = [&](size_t i) {
         return double(r.frame->views[r.pairs[i].cluster].triangle_count) * lanes;
     };
-    time_jobs(state, k, r.pairs.size(), triangles, [&](const Kernels& kernels, size_t i, JobList& list) {
-        FadingJobs fading = out.list();
+    // Returns the jobs in part; those as a whole are added to `list`.
+    const auto run = [&](const Kernels& kernels, size_t i, JobList& list, FadingList& into) {
+        FadingJobs fading = into.list();
         kernels.fading_cluster_jobs(r.batches[r.pairs[i].batch], r.frame->views[r.pairs[i].cluster], points,
                                     r.tables->layout, r.tables->horizon, midst, *scratch, list, fading,
                                     counters);
-        in_part += fading.list.count;
+        return fading;
+    };
+    uint64_t in_part = 0;
+    Jobs whole;
+    whole.reserve(most_jobs);
+    for (size_t i = 0; i < r.pairs.size(); ++i) {
+        JobList ignored = whole.list(), too = whole.list();
+        const FadingJobs ours = run(k, i, ignored, out[0]),
+                         theirs = run(*kernels_for(Set::scalar), i, too, out[1]);
+        if (sorted(ours) != sorted(theirs)) return state.SkipWithError(wrong);
+        in_part += ours.list.count;
+    }
+    if (in_part == 0) return state.SkipWithError("nothing fades");
+    time_jobs(state, k, r.pairs.size(), triangles, [&](const Kernels& kernels, size_t i, JobList& list) {
+        benchmark::DoNotOptimize(run(kernels, i, list, out[0]).list.count);
     });
-    if (in_part == 0) state.SkipWithError("nothing fades");
 }
 
 void run_fading(State& state, const Kernels& k, Recording& r) {
@@ -270,6 +298,76 @@ void run_fading(State& state, const Kernels& k, Recording& r) {
     };
     replay(state, k,
            {.inputs = lists.size(), .run = once, .items = [&](size_t i) { return lists[i].jobs.count; }});
+}
+
+// What fades of a recorded batch, as digits. It ends with its input all zero, which is copied anew each time:
+// that is timed with it.
+void split_parts(State& state, const Kernels& k, Recording& r) {
+    const Tables& tables = *r.tables;
+    const Kernels& scalar = *kernels_for(Set::scalar);
+    const FadingKernels *const ours = fading_kernels_for(set_of(k)), *const theirs =
+                                                                         fading_kernels_for(Set::scalar);
+    const float* points = r.frame->points.data() + 4 * size_t(r.frame->meshes[0].first_point);
+    const auto scratch = std::make_unique<ClusterScratch>();
+    Counters counters{};
+    Jobs whole;
+    whole.reserve(jobs_per_cluster(fine_layout) + 64);
+    FadingList list;
+    list.reserve(jobs_per_cluster(fine_layout) + 64);
+    Aligned<float> directions(fade_directions_size(tables.layout));
+    build_fade_directions(tables.layout, directions.data());
+    const size_t samples = size_t{lanes} * mask_bits(tables.layout), bytes = samples / 8,
+                 words = samples / 1024;
+    struct Input {
+        Aligned<uint8_t> parts, masks;
+        Aligned<uint64_t> touched;
+    };
+    std::vector<Input> inputs(r.batches.size());
+    for (Input& in : inputs)
+        in = {Aligned<uint8_t>(samples), Aligned<uint8_t>(bytes), Aligned<uint64_t>(words)};
+    for (const Pair& pair : r.pairs) {
+        Input& in = inputs[pair.batch];
+        JobList before = whole.list();
+        FadingJobs fading = list.list();
+        scalar.fading_cluster_jobs(r.batches[pair.batch], r.frame->views[pair.cluster], points, tables.layout,
+                                   tables.horizon, midst, *scratch, before, fading, counters);
+        scalar.run_jobs(tables, before, in.masks.data());
+        FadingParts parts{in.parts.data(), in.touched.data()};
+        theirs->run_jobs(tables, directions.data(), midst, fading, in.masks.data(), parts);
+    }
+    // Masks, then the digits of each.
+    Aligned<uint8_t> parts(samples),
+        out[2] = {Aligned<uint8_t>((1 + fade_digits) * bytes), Aligned<uint8_t>((1 + fade_digits) * bytes)};
+    Aligned<uint64_t> touched(words);
+    const auto run = [&](const FadingKernels& kernels, const Input& in, Aligned<uint8_t>& to) {
+        std::copy(in.parts.begin(), in.parts.end(), parts.begin());
+        std::copy(in.touched.begin(), in.touched.end(), touched.begin());
+        std::copy(in.masks.begin(), in.masks.end(), to.begin());
+        uint8_t* digits[fade_digits];
+        for (uint32_t digit = 0; digit < fade_digits; ++digit)
+            digits[digit] = to.data() + (1 + digit) * bytes;
+        FadingParts all{parts.data(), touched.data()};
+        return kernels.split(tables.layout, all, to.data(), digits);
+    };
+    uint32_t any = 0;
+    for (const Input& in : inputs) {
+        for (Aligned<uint8_t>& to : out)
+            std::fill(to.begin(), to.end(), uint8_t(0));
+        const uint32_t lanes_of_ours = run(*ours, in, out[0]);
+        const bool emptied =
+            std::all_of(parts.begin(), parts.end(), [](uint8_t part) { return part == 0; }) &&
+            std::all_of(touched.begin(), touched.end(), [](uint64_t word) { return word == 0; });
+        if (lanes_of_ours != run(*theirs, in, out[1]) || !emptied ||
+            !same(out[0].data(), out[1].data(), out[0].size()))
+            return state.SkipWithError(wrong);
+        any |= lanes_of_ours;
+    }
+    if (any == 0) return state.SkipWithError("nothing fades");
+    const auto once = [&](size_t i) {
+        uint32_t fading = run(*ours, inputs[i], out[0]);
+        benchmark::DoNotOptimize(fading);
+    };
+    replay(state, k, {.inputs = inputs.size(), .run = once, .items = of_batch});
 }
 
 // The recorded receivers, and the same ones that look behind; without those whose normal is along z.
@@ -643,6 +741,7 @@ void register_all() {
         {"cluster_jobs/fine", fine(clusters)},
         {"fading_cluster_jobs/standard", standard(fading_clusters)},
         {"run_fading_jobs/standard", standard(run_fading)},
+        {"split_parts/standard", standard(split_parts)},
         {"both_sides_jobs/at_once",
          standard([](State& t, const Kernels& k, Recording& r) { both_sides(t, k, r, true); })},
         {"both_sides_jobs/side_by_side",

@@ -218,6 +218,101 @@ TEST(PlaneTable, EveryCellIsTheHalfSpaceOfItsCentre) {
     }
 }
 
+// The directions of all of a mask's bits, which must all be used.
+std::vector<std::array<double, 3>> directions_of(const MaskLayout& layout) {
+    std::vector<std::array<double, 3>> all(mask_bits(layout));
+    for (uint32_t bit = 0; bit < mask_bits(layout); ++bit)
+        EXPECT_TRUE(sample_direction(layout, bit, all[bit].data())) << bit;
+    return all;
+}
+
+// About the normal, x to y.
+std::array<double, 3> turned(std::array<double, 3> d, uint32_t quarters) {
+    for (; quarters; --quarters)
+        d = {-d[1], d[0], d[2]};
+    return d;
+}
+
+// Halves by a half turn, quarters by a quarter, in the order that layout.h tells.
+TEST(TurnedParts, HaveOneSetOfSamplesBitForBit) {
+    for (const NamedLayout& l : layouts) {
+        if (!has_turned_parts(l.layout)) continue;
+        const std::vector<std::array<double, 3>> d = directions_of(l.layout);
+        const uint32_t parts = mask_parts(l.layout), bits = mask_bits(l.layout) / parts;
+        const uint32_t first = parts / 2; // the part that is as it is
+        const auto is_of = [&](uint32_t part, const std::array<double, 3>& at) {
+            return (at[1] > 0) == (part >= parts / 2) &&
+                   (parts == 2 || (at[0] > 0) == (part == 1 || part == 2));
+        };
+        for (uint32_t part = 0; part < parts; ++part) {
+            const uint32_t quarters = (part + parts - first) % parts * 4 / parts;
+            EXPECT_EQ(quarters_of_part(l.layout, part), quarters) << l.name << " " << part;
+            for (uint32_t i = 0; i < bits; ++i) {
+                const std::array<double, 3> at = turned(d[first * bits + i], quarters);
+                ASSERT_TRUE(is_of(part, at)) << l.name << " " << part << " " << i;
+                ASSERT_TRUE(same_bits(at.data(), d[part * bits + i].data(), sizeof(at)))
+                    << l.name << " " << part << " " << i;
+            }
+        }
+    }
+}
+
+// Every plane of the table, of both signs, in every part: what the part's entry has in the table is the
+// half-space of the plane over the part's own samples. Bit for bit, but for samples within rounding of the
+// plane, which may go either way: the table has them in the plane as it is turned back.
+TEST(TurnedParts, EveryEntryIsItsPlaneOverThePartsSamples) {
+    for (const NamedLayout& l : layouts) {
+        if (!has_turned_parts(l.layout)) continue;
+        const std::vector<std::array<double, 3>> d = directions_of(l.layout);
+        const uint8_t* const planes = tables_of(l.layout).planes;
+        const uint32_t k = l.layout.plane_cells, parts = mask_parts(l.layout);
+        const uint32_t bits = mask_bits(l.layout) / parts;
+        uint64_t wrong = 0, ties = 0;
+        for (uint32_t cell = 0; cell < table_cells(l.layout); ++cell) {
+            const double u = 2.0 * (cell % k) / (k - 1) - 1, v = 2.0 * (cell / k) / (k - 1) - 1;
+            const double x = (u + v) / 2, y = (u - v) / 2, z = 1 - std::fabs(x) - std::fabs(y);
+            const uint32_t plane = cell << cell_shift(l.layout),
+                           opposite = plane ^ entry_complement(l.layout);
+            ASSERT_EQ(opposite, plane | 1);
+            for (uint32_t part = 0; part < parts; ++part) {
+                const uint32_t entry = entry_of_part(l.layout, plane, part);
+                // The sign and what is no plane stay as they are.
+                ASSERT_EQ(entry & 3, 0u);
+                ASSERT_EQ(entry_of_part(l.layout, opposite, part), entry | 1) << l.name << " " << cell;
+                ASSERT_EQ(entry_of_part(l.layout, plane | entry_invalid, part), entry | entry_invalid);
+                ASSERT_EQ(entry_of_part(l.layout, opposite | entry_invalid, part), entry | 1 | entry_invalid);
+                ASSERT_EQ(entry % cell_bytes(l.layout), 0u);
+                ASSERT_LE(entry, last_cell(l.layout));
+                const uint8_t* const mask = planes + entry;
+                for (uint32_t i = 0; i < bits; ++i) {
+                    const std::array<double, 3>& at = d[part * bits + i];
+                    const double height = x * at[0] + y * at[1] + z * at[2];
+                    const bool tie = std::fabs(height) < 1e-14;
+                    ties += tie;
+                    wrong += !tie && mask_bit(mask, i) != (height > 0);
+                }
+            }
+        }
+        EXPECT_EQ(wrong, 0u) << l.name;
+        EXPECT_LT(ties, table_cells(l.layout) * 2u) << l.name;
+    }
+}
+
+// Turned four times by a quarter, or twice by a half, an entry is itself; two quarters are a half.
+TEST(TurnedParts, TurnsOfEntriesAddUp) {
+    for (const NamedLayout& l : layouts) {
+        if (!has_turned_parts(l.layout)) continue;
+        for (uint32_t cell = 0; cell < table_cells(l.layout); ++cell) {
+            for (uint32_t low = 0; low < 4; ++low) {
+                const uint32_t entry = cell << cell_shift(l.layout) | low;
+                const uint32_t quarter = quarter_turned(l.layout, entry), half = half_turned(l.layout, entry);
+                ASSERT_EQ(quarter_turned(l.layout, quarter), half) << l.name << " " << cell;
+                ASSERT_EQ(half_turned(l.layout, half), entry) << l.name << " " << cell;
+            }
+        }
+    }
+}
+
 TEST(PlaneTable, PartsOfItAreThoseOfTheWhole) {
     for (const NamedLayout& l : layouts) {
         const size_t bytes = cell_bytes(l.layout);
