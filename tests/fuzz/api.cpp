@@ -49,8 +49,8 @@ struct Added {
 struct Shared {
     Context* context = nullptr;
     std::mutex guard;
-    std::vector<Added> meshes; // some of them gone
-    std::vector<MeshId> removed;
+    std::vector<Added> meshes;        // some of them gone
+    std::vector<HistoryId> histories; // some of them gone
 };
 
 bool one_of(Status status, std::initializer_list<StatusCode> codes) {
@@ -62,8 +62,12 @@ bool one_of(Status status, std::initializer_list<StatusCode> codes) {
 
 struct Flight {
     FrameId id;
-    std::vector<float> positions, transfer;
+    std::vector<float> positions, transfer, back;
+    std::vector<uint32_t> masks;
+    std::vector<uint8_t> packed;
+    nusselt::Output stream;
     size_t count;
+    bool cancelled = false;
 };
 
 void finish(Shared& shared, Flight& flight) {
@@ -75,8 +79,70 @@ void finish(Shared& shared, Flight& flight) {
     expect(wait(shared.context, flight.id, &stats).ok(), "a frame in flight is waited for");
     expect(one_of(wait(shared.context, flight.id, nullptr), {StatusCode::stale_handle}),
            "a frame is waited for once");
+    expect(flight.cancelled || stats.receivers_written == stats.receivers, "a whole frame is written");
+    expect(stats.receivers_written <= stats.receivers, "no more is written than there is");
     for (const float t : flight.transfer)
         expect(std::isfinite(t), "transfer is finite");
+    for (const float t : flight.back)
+        expect(std::isfinite(t), "transfer of backs is finite");
+    for (const FrameId gone : {flight.id, FrameId{}}) {
+        bool done = false;
+        expect(one_of(cancel(shared.context, gone), {StatusCode::stale_handle}) &&
+                   one_of(poll(shared.context, gone, &done), {StatusCode::stale_handle}),
+               "a frame that is gone is told");
+    }
+}
+
+// Bits of an operation, beside its number.
+constexpr uint8_t with_history = 8, watertight = 16, more = 32, draft = 64, fading = 128;
+
+// The frame of a mesh, with whatever the bits ask for. Whether it may be refused as impossible.
+bool describe(Shared& shared, Bytes& in, uint8_t op, const Added& mesh, Flight& flight, FrameMesh& use,
+              FrameDesc& desc) {
+    const Shape& s = shape(mesh.kind);
+    flight.positions = s.positions;
+    flight.count = s.count();
+    for (uint32_t i = in.below(4); i > 0; --i)
+        flight.positions[in.below(uint32_t(flight.positions.size()))] = in.raw_float();
+    flight.transfer.resize(25 * s.count());
+    use = {mesh.id,
+           {flight.positions.data(), s.count(), 12},
+           {s.normals.data(), s.count(), 12},
+           {flight.transfer.data(), s.count(), 100},
+           {}};
+    desc = {&use, 1, op & draft ? Quality::draft : Quality::standard};
+    if (op & fading) desc.falloff = {in.raw_float(), in.raw_float()};
+    desc.watertight = op & watertight;
+    if (op & with_history) {
+        const std::lock_guard lock(shared.guard);
+        if (!shared.histories.empty())
+            desc.history = shared.histories[in.below(uint32_t(shared.histories.size()))];
+        if (in.byte() & 1) desc.budget_us = 1;
+    }
+    if (op & more) {
+        const uint8_t what = in.byte();
+        if (what & 1) {
+            flight.masks.resize(32 * s.count());
+            use.masks = {flight.masks.data(), s.count(), 128};
+        }
+        if (what & 2) {
+            flight.back.resize(25 * s.count());
+            use.back.transfer = {flight.back.data(), s.count(), 100};
+        }
+        if (what & 4) {
+            flight.stream = {};
+            flight.stream.kind = OutputKind(what >> 3 & 7); // two of eight are none
+            flight.stream.format = OutputFormat(what >> 6 & 3);
+            flight.packed.resize(4 * 75 * s.count());
+            flight.stream.data = flight.packed.data();
+            flight.stream.count = s.count();
+            use.outputs = &flight.stream;
+            use.output_count = 1;
+        }
+        desc.order = 1 + in.below(6); // 6 is none
+        flight.transfer.resize(25 * s.count());
+    }
+    return op & (fading | with_history | watertight | more);
 }
 
 void thread(Shared& shared, Bytes in) {
@@ -104,6 +170,15 @@ void thread(Shared& shared, Bytes in) {
             break;
         }
         case 1: {
+            if (op & with_history) {
+                const std::lock_guard lock(shared.guard);
+                if (shared.histories.empty()) break;
+                const HistoryId history = shared.histories[in.below(uint32_t(shared.histories.size()))];
+                expect(one_of(remove_history(shared.context, history),
+                              {StatusCode::ok, StatusCode::stale_handle, StatusCode::busy}),
+                       "removing a history answers");
+                break;
+            }
             const Added mesh = any();
             const Status status = remove_mesh(shared.context, mesh.id);
             expect(one_of(status, {StatusCode::ok, StatusCode::stale_handle, StatusCode::busy}),
@@ -115,34 +190,43 @@ void thread(Shared& shared, Bytes in) {
         case 4: {
             if (flights.size() >= 64) break;
             const Added mesh = any();
-            const Shape& s = shape(mesh.kind);
             Flight& flight = flights.emplace_back();
-            flight.positions = s.positions;
-            flight.count = s.count();
-            for (uint32_t i = in.below(4); i > 0; --i)
-                flight.positions[in.below(uint32_t(flight.positions.size()))] = in.raw_float();
-            flight.transfer.resize(25 * s.count());
-            const FrameMesh use{mesh.id,
-                                {flight.positions.data(), s.count(), 12},
-                                {s.normals.data(), s.count(), 12},
-                                {flight.transfer.data(), s.count(), 100},
-                                {}};
-            const Quality quality = op & 64 ? Quality::draft : Quality::standard;
-            FrameDesc desc{&use, 1, quality};
-            if (op & 128) desc.falloff = {in.raw_float(), in.raw_float()};
+            FrameMesh use;
+            FrameDesc desc;
+            const bool odd = describe(shared, in, op, mesh, flight, use, desc);
             const Status status = submit(shared.context, desc, &flight.id);
             expect(one_of(status, {StatusCode::ok, StatusCode::stale_handle, StatusCode::busy}) ||
-                       (op & 128 && status.code == StatusCode::invalid_argument),
+                       (odd && one_of(status, {StatusCode::invalid_argument, StatusCode::unsupported})),
                    "submitting answers");
             if (!status.ok()) flights.pop_back();
             break;
         }
-        case 5:
+        case 5: {
             if (flights.empty()) break;
-            finish(shared, flights.back());
+            Flight& flight = flights.back();
+            bool done = false;
+            if (op & more) {
+                expect(one_of(destroy_context(shared.context), {StatusCode::busy}),
+                       "a context with a frame in flight stays");
+            }
+            if (op & watertight)
+                expect(poll(shared.context, flight.id, &done).ok(), "a frame in flight is polled");
+            if (op & with_history) {
+                expect(cancel(shared.context, flight.id).ok(), "a frame in flight is cancelled");
+                flight.cancelled = true;
+            }
+            finish(shared, flight);
             flights.pop_back();
             break;
+        }
         case 6: {
+            if (op & with_history) {
+                HistoryId history;
+                expect(create_history(shared.context, &history).ok(), "a history is made");
+                const std::lock_guard lock(shared.guard);
+                shared.histories.push_back(history);
+                break;
+            }
             MeshInfo info;
             const MeshId odd{in.word(), in.word()};
             expect(one_of(mesh_info(shared.context, op & 64 ? odd : any().id, &info),

@@ -636,6 +636,27 @@ TEST(Faults, J5SmallStack) {
         figure(std::string("J5 stack of a frame, quality ") + quality_name(quality), double(used), "bytes");
         EXPECT_LE(used, 16u << 10) << quality_name(quality);
     }
+    // Both sides, with what else a frame may ask for.
+    for (const Quality quality : {Quality::draft, Quality::standard, Quality::fine}) {
+        for (const bool fades : {false, true}) {
+            FrameDesc settings;
+            settings.quality = quality;
+            settings.watertight = !fades;
+            if (fades) settings.falloff = {0.2f, 1};
+            std::vector<Posed> posed = small().posed(ids, 0.1f);
+            for (Posed& mesh : posed)
+                mesh.back_receives = true;
+            const Outputs expected = run_frame(engine.context, posed, settings);
+            Outputs got;
+            const size_t used =
+                bytes - used_by([&] { got = run_frame(engine.context, posed, settings); }) - nothing;
+            EXPECT_EQ(got, expected);
+            figure(std::string("J5 stack of a frame of both sides, ") + (fades ? "falloff" : "watertight") +
+                       ", quality " + quality_name(quality),
+                   double(used), "bytes");
+            EXPECT_LE(used, 16u << 10) << quality_name(quality);
+        }
+    }
     // Glossy in three channels, which keeps a reflection's fields over a mask at hand. Radiance goes along.
     for (const Quality quality : {Quality::standard, Quality::fine}) {
         GlossyFrame on_large(engine.context, ids, quality), on_small(engine.context, ids, quality);

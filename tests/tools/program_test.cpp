@@ -12,6 +12,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <map>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -104,8 +105,48 @@ struct Outcome {
     std::string out, err;
 };
 
+// What each failing command line of these tests ends with, by the letter: messages.tsv beside this file, of
+// an exit code, the command line and the line on stderr. The parser's own words are those of CLI11 2.1, which
+// Debian 12 has. NUSSELT_WRITE_MESSAGES=1 writes the file anew from what all these tests see.
+class Messages {
+public:
+    Messages() {
+        std::ifstream file(NUSSELT_MESSAGES);
+        for (std::string code, command, message; std::getline(file, code, '\t') &&
+                                                 std::getline(file, command, '\t') &&
+                                                 std::getline(file, message);)
+            lines[command] = {code, message};
+    }
+    ~Messages() {
+        if (!is_written) return;
+        std::ofstream file(NUSSELT_MESSAGES);
+        for (const auto& [command, line] : seen)
+            file << line.first << '\t' << command << '\t' << line.second << '\n';
+    }
+    void compare(const std::string& command, int code, const std::string& err) {
+        std::pair line{std::to_string(code), err.substr(0, err.find('\n'))};
+        const std::string own = "this machine has ";
+        if (const size_t at = line.second.find(own); at != std::string::npos)
+            line.second.replace(at + own.size(), std::string::npos, "...");
+        seen[command] = line;
+        if (is_written || !are_known) return;
+        ASSERT_TRUE(lines.count(command)) << "not in messages.tsv: " << command;
+        EXPECT_EQ(line, lines[command]) << command;
+    }
+
+private:
+    std::map<std::string, std::pair<std::string, std::string>> lines, seen;
+    const bool is_written = std::getenv("NUSSELT_WRITE_MESSAGES") != nullptr;
+    const bool are_known = std::string(NUSSELT_CLI11).starts_with("2.1.");
+};
+
 class Program : public testing::Test {
 protected:
+    static Messages& messages() {
+        static Messages all;
+        return all;
+    }
+
     fs::path folder;
 
     void SetUp() override {
@@ -154,6 +195,9 @@ protected:
         for (const std::string& part : parts)
             EXPECT_NE(result.err.find(part), std::string::npos) << arguments << '\n' << result.err;
         EXPECT_EQ(result.out, "") << arguments;
+        messages().compare(environment + (environment.empty() ? "" : " ") + "nusselt" +
+                               (arguments.empty() ? "" : " ") + arguments,
+                           result.code, result.err);
         EXPECT_FALSE(fs::exists(folder / "out")) << arguments;
         for (const fs::directory_entry& entry : fs::directory_iterator(folder))
             EXPECT_FALSE(entry.path().filename().string().starts_with(".")) << entry.path();
@@ -205,6 +249,15 @@ TEST_F(Program, UsageErrors) {
     expect_failure(2, "render box.obj --out out --shadows some", {"some", "off, on, traced"});
     expect_failure(2, "render slide.gltf --out out --time 0 --frames 2", {"--frames"});
     expect_failure(2, "render slide.gltf --out out --frames 2 --fps 0", {"--fps"});
+    expect_failure(2, "compare --scene moon --out out", {"moon"});
+    expect_failure(2, "compare --scene hand --out out --threads none", {"none"});
+    expect_failure(2, "compare --scene hand --out out --frames 0", {"--frames"});
+    expect_failure(2, "demo --threads -1 --out out", {"-1"});
+    expect_failure(2, "render box.obj --out out --falloff 2:1", {"--falloff"});
+    expect_failure(2, "render box.obj --out out --light candle", {"candle"});
+    expect_failure(2, "transfer box.obj --out out --output haze", {"haze"});
+    expect_failure(2, "transfer box.obj --out out --output transfer:packed8:9", {"9"});
+    expect_failure(2, "info box.obj broken.glb", {"broken.glb"});
 }
 
 TEST_F(Program, ClipsAndTimesOutsideAreListed) {
