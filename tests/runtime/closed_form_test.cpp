@@ -1,6 +1,7 @@
 // Shapes whose form factor is known, through whole frames: receivers are vertices of a mesh without
-// triangles. Errors in 1024ths of the cosine-weighted hemisphere, with masks of 1024 bits and of 4096; each
-// is held to a little more than what is reached, which the test prints.
+// triangles. Level: what is known, a formula in double. Errors in 1024ths of the cosine-weighted hemisphere,
+// with masks of 1024 bits and of 4096; each is held to a tenth more than what is reached, which the test
+// prints.
 #include "tests/runtime/fixture.h"
 
 #include <algorithm>

@@ -1,4 +1,5 @@
 // Same input, same bits; and what moving, scaling, turning or adding to a scene may and may not change.
+// Level: the library's own, bit for bit.
 #include "tests/runtime/fixture.h"
 
 #include "tests/jobs/executors.h"

@@ -1,4 +1,5 @@
-// Faults under load: J1 to J7, J12, J13 and J16 of the catalogue, through whole frames, on executors of
+// Faults under load: J1 to J7, J11 to J13, J15 and J16 of the catalogue, through whole frames (level: the
+// library's own, bit for bit against a frame on one thread that nothing disturbs), on executors of
 // std::thread (which the thread sanitizer can watch). The graph alone is tests/jobs'; allocation failures are
 // tests/runtime's.
 #include "tests/jobs/executors.h"

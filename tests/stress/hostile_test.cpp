@@ -1,6 +1,7 @@
 // Hostile geometry through whole frames: G1 to G17 of the catalogue. Each has one stated result, and a
-// counter that tells. What the loaders do with hostile files is tests/load's; single bad vertices are
-// tests/runtime's.
+// counter that tells. Level: the library's own, masks of the table against one another bit for bit, or what
+// is known of the scene; where a test compares with whole numbers it says so. What the loaders do with
+// hostile files is tests/load's; single bad vertices are tests/runtime's.
 #include "tests/runtime/fixture.h"
 #include "tests/stress/ledger.h"
 #include "tests/stress/oracle.h"

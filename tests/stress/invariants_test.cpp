@@ -247,6 +247,8 @@ TEST(Invariants, M3M4Symmetries) {
         EXPECT_LT(double(sum.differing_between), 0.2 * double(sum.between)) << own.name;
         figure(std::string(own.name) + ": bits that differ, of masks without a plane between two cells",
                double(sum.differing), "bits");
+        figure(std::string(own.name) + ": masks with such a plane",
+               100 * double(sum.between) / double(sum.masks), "%");
         figure(std::string(own.name) + ": bits that differ per mask with one",
                double(sum.differing_between) / double(std::max<uint64_t>(sum.between, 1)), "bits");
     }

@@ -1,5 +1,5 @@
 // An hour of animation without the waiting: nothing grows, nothing drifts, and a frame is what a cold start
-// gives.
+// gives. Level: the library's own, bit for bit.
 #include "tests/jobs/executors.h"
 #include "tests/runtime/fixture.h"
 #include "tests/stress/ledger.h"
