@@ -16,6 +16,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <optional>
 
 namespace nusselt::tools {
 
@@ -160,7 +161,12 @@ void run_compare(const CompareOptions& options) {
             const Source& subject = subjects[k];
             progress.show(share * static_cast<double>(k), subject.label);
             try {
-                const scenes::Scene scene = load_source(subject, options.clip);
+                const scenes::Scene scene = [&] {
+                    std::optional<PromptStop> prompt; // nothing to tell so far
+                    if (comparison.scenes.empty()) prompt.emplace();
+                    return load_source(subject, options.clip);
+                }();
+                throw_if_interrupted();
                 const auto show = [&](double done, const std::string& what) {
                     progress.show(share * (static_cast<double>(k) + done), subject.label + ", " + what);
                 };
