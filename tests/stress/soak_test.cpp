@@ -172,8 +172,8 @@ TEST(Soak, NothingGrowsAndNothingDrifts) {
                 // The floor moves for a second in four, the sphere stops for one in five.
                 const bool still = m == 1 ? frame / 60 % 4 != 0 : m == 2 && frame / 60 % 5 == 0;
                 const double t = (still               ? frame / 60 * 60
-                                  : frame % 600 < 590 ? frame
-                                                      : frame / 600 * 600) /
+                                  : frame % 300 < 290 ? frame
+                                                      : frame / 300 * 300) /
                                  60.0;
                 for (glm::vec3& p : out.back().positions)
                     p += 0.2f * glm::vec3(float(std::sin(t + double(m) + double(p.x))),
