@@ -19,8 +19,10 @@ struct NamedLayout {
     const char* name;
     kernels::MaskLayout layout;
 };
-constexpr NamedLayout layouts[] = {
-    {"paper", kernels::paper_layout}, {"standard", kernels::standard_layout}, {"fine", kernels::fine_layout}};
+constexpr NamedLayout layouts[] = {{"paper", kernels::paper_layout},
+                                   {"draft", kernels::draft_layout},
+                                   {"standard", kernels::standard_layout},
+                                   {"fine", kernels::fine_layout}};
 
 template<class T>
 struct AlignedDelete {

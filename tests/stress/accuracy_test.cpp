@@ -242,8 +242,10 @@ TEST(Accuracy, BitsOfATriangle) {
     // every triangle overhead, were 6.7 and 25).
     const Budget budgets[] = {{"paper, large triangles", paper_layout, 1.0f, 1.0, 17},
                               {"paper, small triangles", paper_layout, 0.1f, 0.34, 8},
-                              {"standard, large triangles", standard, 1.0f, 2.5, 26},
-                              {"standard, small triangles", standard, 0.1f, 0.66, 13},
+                              {"draft, large triangles", draft_layout, 1.0f, 2.5, 26},
+                              {"draft, small triangles", draft_layout, 0.1f, 0.66, 13},
+                              {"standard, large triangles", standard, 1.0f, 1.3, 18},
+                              {"standard, small triangles", standard, 0.1f, 0.38, 8},
                               {"fine, large triangles", fine_layout, 1.0f, 4.7, 44},
                               {"fine, small triangles", fine_layout, 0.1f, 0.85, 19}};
     for (const Budget& b : budgets) {
@@ -327,7 +329,7 @@ TEST(Accuracy, G15WhatSmallTrianglesGain) {
         figure(name + "held, each", held / seen, "samples");
         figure(name + "gained, each", (bits - held) / seen, "samples");
         EXPECT_GT(bits - held, -0.02 * seen) << shape.name;
-        EXPECT_LT(bits - held, 0.3 * seen) << shape.name;
+        EXPECT_LT(bits - held, 0.1 * seen) << shape.name;
     }
 }
 
@@ -393,7 +395,7 @@ TEST(Accuracy, M11FullEnclosure) {
                double(holes), "bits");
         EXPECT_EQ(holes, 0u);
         EXPECT_LE(farthest, 2 * turn);
-        EXPECT_LE(double(leaks) / double(receivers), 0.3);
+        EXPECT_LE(double(leaks) / double(receivers), 0.25);
     }
 }
 
@@ -452,7 +454,7 @@ TEST(Accuracy, M11LatticeRoom) {
         figure(name + "leaked samples per receiver", double(leaks) / double(receivers), "bits");
         figure(name + "samples left open once the last are decided", double(holes), "bits");
         EXPECT_EQ(holes, 0u);
-        EXPECT_LE(double(leaks) / double(receivers), 0.05);
+        EXPECT_LE(double(leaks) / double(receivers), 0.03);
     }
 }
 
@@ -502,8 +504,8 @@ TEST(Accuracy, M12Subdivision) {
            "bits");
     figure("M12 triangle in 16 parts, table: most lost", most, "bits");
     EXPECT_LE(exact, stress_cases() / 400 + 2);
-    EXPECT_LE(double(lost) / double(triangles), 0.05);
-    EXPECT_LE(double(gained) / double(triangles), 0.3);
+    EXPECT_LE(double(lost) / double(triangles), 0.002);
+    EXPECT_LE(double(gained) / double(triangles), 0.1);
 }
 
 // A plane nearer to a cell's own than to any other's, and which cell has it as it is, or as its opposite.
@@ -533,7 +535,7 @@ TEST(Accuracy, G18EveryCellOfTheTable) {
         double mean;
         uint32_t most;
     };
-    const Budget budgets[] = {{1.2, 18}, {2.9, 18}, {5.7, 36}}; // paper, standard, fine
+    const Budget budgets[] = {{1.2, 20}, {2.9, 18}, {1.5, 18}, {5.7, 36}}; // as `layouts`
     for (size_t l = 0; l < std::size(layouts); ++l) {
         const MaskLayout& layout = layouts[l].layout;
         const Samples samples(layout);
