@@ -41,14 +41,21 @@ tools::TransferError error_of(const scenes::Scene& scene, double time, Quality q
 }
 
 // The rays' own noise, about 1 %, is part of these.
-constexpr double standard_bound = 0.025, paper_bound = 0.09;
+constexpr double standard_bound = 0.022, paper_bound = 0.09;
+
+void expect_standard(const scenes::Scene& scene, double time) {
+    const tools::TransferError error = error_of(scene, time, Quality::standard);
+    EXPECT_LE(error.mean, standard_bound) << scene.name;
+    EXPECT_LE(error.p99, 0.06) << scene.name;
+    EXPECT_LE(error.max, 0.15) << scene.name;
+}
 
 TEST(Error, BuiltInScenes) {
     for (const char* name : {"fight", "chess"}) {
         const scenes::Scene scene = scenes::builtin(name);
         for (const double part : {0.25, 0.75}) {
             const double time = part * scene.duration;
-            EXPECT_LE(error_of(scene, time, Quality::standard).mean, standard_bound) << name;
+            expect_standard(scene, time);
             EXPECT_LE(error_of(scene, time, Quality::paper).mean, paper_bound) << name;
         }
     }
@@ -61,7 +68,7 @@ TEST(Error, Spot) {
     const load::LoadResult loaded = load::load_model(file.string());
     ASSERT_TRUE(loaded.ok);
     const scenes::Scene scene = load::make_scene(loaded.model, -1);
-    EXPECT_LE(error_of(scene, 0, Quality::standard).mean, standard_bound);
+    expect_standard(scene, 0);
     EXPECT_LE(error_of(scene, 0, Quality::paper).mean, paper_bound);
 }
 
