@@ -1,11 +1,13 @@
 #include "visible_set.h"
 
 #include "context_data.h"
+#include "quality.h"
 
 #include <algorithm>
 #include <atomic>
 #include <bit>
 #include <cstring>
+#include <iterator>
 
 namespace nusselt {
 
@@ -41,6 +43,15 @@ uint64_t hash_words(const void* data, size_t words, uint64_t hash) {
 uint64_t hash_array(const Vector<uint32_t>& values, uint64_t hash) {
     const uint64_t size = values.size();
     return hash_words(values.data(), values.size(), hash_words(&size, 2, hash));
+}
+
+// What a file calls a mesh: with other angles or samples other clusters matter.
+uint64_t file_identity(uint64_t mesh, Quality quality) {
+    const QualitySettings& settings = *quality_settings(quality);
+    const kernels::MaskLayout& l = settings.layout;
+    const uint32_t words[] = {std::bit_cast<uint32_t>(settings.angle), static_cast<uint32_t>(l.samples),
+                              static_cast<uint32_t>(l.planes), l.side, l.plane_cells};
+    return hash_words(words, std::size(words), mesh);
 }
 
 uint32_t batches_of(const Vector<uint32_t>& receivers) {
@@ -129,9 +140,9 @@ Status check_meshes(const VisibleSet& set, const Header& header, const char* ent
         MeshEntry entry;
         std::memcpy(&entry, entries + m * sizeof(entry), sizeof(entry));
         if (entry.has_back > header.recorded) return contradiction();
-        if (entry.identity != set.meshes[m].identity)
+        if (entry.identity != file_identity(set.meshes[m].identity, set.quality))
             return bad("set not read: it was made of other meshes, or by a version of the library that makes "
-                       "other levels of detail; make it anew with `nusselt pvs`");
+                       "or takes other levels of detail; make it anew with `nusselt pvs`");
     }
     if (header.rows != set.rows || header.clusters != set.clusters || size != bytes_of(set))
         return bad("set not read: its size does not fit its meshes; make it anew with `nusselt pvs`");
@@ -284,7 +295,7 @@ Status write_visible_set(const VisibleSet* set, void* data, size_t size) {
     std::memcpy(at, &header, sizeof(header));
     at += sizeof(header);
     for (const VisibleRows& mesh : set->meshes) {
-        const MeshEntry entry{mesh.identity, mesh.has_back};
+        const MeshEntry entry{file_identity(mesh.identity, set->quality), mesh.has_back};
         std::memcpy(at, &entry, sizeof(entry));
         at += sizeof(entry);
     }

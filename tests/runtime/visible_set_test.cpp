@@ -289,7 +289,7 @@ TEST(VisibleSet, RefusesWhatContradictsItself) {
         }
         std::memcpy(&file[file.size() - 8], &sum, 8);
     };
-    constexpr size_t recorded_at = 32, watertight_at = 36, back_at = 40 + 8, next_mesh = 16;
+    constexpr size_t quality_at = 12, recorded_at = 32, watertight_at = 36, back_at = 40 + 8, next_mesh = 16;
     const Set empty(engine.context, meshes, Quality::standard, 1),
         full(engine.context, meshes, Quality::standard, 1);
     recorded(engine.context, {at_rest(meshes[0], ball), at_rest(meshes[1], ring)}, full, Quality::standard,
@@ -297,6 +297,12 @@ TEST(VisibleSet, RefusesWhatContradictsItself) {
     std::vector<char> file = full.file();
     set_to(file, recorded_at, 1); // as it is
     EXPECT_TRUE(Set(engine.context, meshes, file).status.ok());
+    // What another quality looks at, with other samples or only with levels taken to another angle.
+    for (const Quality other : {Quality::draft, Quality::fine}) {
+        std::vector<char> wrong = file;
+        set_to(wrong, quality_at, static_cast<uint32_t>(other));
+        expect_refused(engine, meshes, wrong, "other levels of detail");
+    }
     // A cluster past the last.
     uint32_t clusters;
     std::memcpy(&clusters, &file[28], 4);

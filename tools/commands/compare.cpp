@@ -139,6 +139,8 @@ void run_compare(const CompareOptions& options) {
     const double start = wall_ms();
     const std::vector<Source> subjects = choose_sources(options);
     OutputDirectory out(options.out);
+    // Until rays are traced, which look at the signal themselves, there is nothing to tell.
+    std::optional<PromptStop> prompt(std::in_place);
     const std::string readme = options.readme.empty() ? std::string() : read_text(options.readme);
     if (!readme.empty()) (void)with_tables(readme, "", options.readme);
 
@@ -161,13 +163,9 @@ void run_compare(const CompareOptions& options) {
             const Source& subject = subjects[k];
             progress.show(share * static_cast<double>(k), subject.label);
             try {
-                const scenes::Scene scene = [&] {
-                    std::optional<PromptStop> prompt; // nothing to tell so far
-                    if (comparison.scenes.empty()) prompt.emplace();
-                    return load_source(subject, options.clip);
-                }();
-                throw_if_interrupted();
+                const scenes::Scene scene = load_source(subject, options.clip);
                 const auto show = [&](double done, const std::string& what) {
+                    prompt.reset();
                     progress.show(share * (static_cast<double>(k) + done), subject.label + ", " + what);
                 };
                 comparison.scenes.push_back(measure_scene(scene, options.measure, lights, show));

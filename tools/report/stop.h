@@ -15,7 +15,7 @@ void throw_if_interrupted();
 // While one lives, the program ends soon after a signal whatever it is doing: loading a large model, adding
 // it, a long frame. Work that has not ended by itself within 20 ms is left where it is, an OutputDirectory
 // that has not committed is removed, and the process exits as throw_if_interrupted would have made it. Not
-// for commands that tell what they have so far. One at a time.
+// while a command has something to tell. One at a time.
 class PromptStop {
 public:
     PromptStop();
