@@ -370,11 +370,12 @@ TraceResult trace_transfer(const TraceScene& scene, const Assembly& all, const T
     std::atomic<bool> cancelled{false};
     std::mutex progress_mutex;
     parallel_blocks(receivers.size(), 32, [&](size_t begin, size_t end) {
-        if (options.cancel && options.cancel->load(std::memory_order_relaxed)) cancelled = true;
-        if (cancelled) return;
         const FlushDenormals guard;
         Scratch scratch;
         for (size_t r = begin; r < end; ++r) {
+            // A receiver may be milliseconds of rays.
+            if (options.cancel && options.cancel->load(std::memory_order_relaxed)) cancelled = true;
+            if (cancelled) return;
             const uint32_t vertex = receivers[r];
             const glm::dvec3 position(all.positions[vertex]);
             const double length = glm::length(glm::dvec3(all.normals[vertex]));
