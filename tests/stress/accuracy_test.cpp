@@ -154,7 +154,7 @@ TEST(Oracle, TheTableIsExactForItsOwnPlanes) {
                         in_a_plane[bit / 8] = uint8_t(in_a_plane[bit / 8] | 1u << bit % 8);
                 }
             }
-            for (const Set set : {Set::scalar, Set::sse4, Set::avx2, Set::avx512}) {
+            for (const Set set : {Set::scalar, Set::sse4, Set::avx2, Set::avx512, Set::neon}) {
                 const Kernels* const kernels = kernels_for(set);
                 if (!kernels) continue;
                 for (const Masks& got : {rasterize(*kernels, layout, batch, soup),
@@ -347,9 +347,9 @@ double angle_to_a_vertex(const Batch& batch, uint32_t lane, const Soup& surface,
 // M11. Level: what is known. All samples are blocked inside a closed surface; a table of nearest cells leaks
 // where planes meet, by its design: counted, and only there. Along the edges themselves nothing may leak.
 TEST(Accuracy, M11FullEnclosure) {
-    // A cell turns a plane by 2.5 / 128 at most (horizon_tangent); the planes around a vertex then pass it so
-    // far off, and what lies between them reaches a little farther.
-    constexpr double turn = 2.5 / 128;
+    // A cell turns a plane by this at most (horizon_tangent); the planes around a vertex then pass it so far
+    // off at most. 0.87 of it is reached.
+    constexpr double turn = 2.5 / (standard.plane_cells - 1);
     Random random(stress_seed() + 29);
     for (const uint32_t subdivisions : {1u, 3u, 5u}) {
         const uint64_t batches = std::max<uint64_t>(stress_cases() / (subdivisions == 5 ? 32 : 16), 4);
@@ -394,7 +394,7 @@ TEST(Accuracy, M11FullEnclosure) {
         figure(name + "samples left open once the last are decided, of " + std::to_string(1024 * receivers),
                double(holes), "bits");
         EXPECT_EQ(holes, 0u);
-        EXPECT_LE(farthest, 2 * turn);
+        EXPECT_LE(farthest, 1.2 * turn);
         EXPECT_LE(double(leaks) / double(receivers), 0.25);
     }
 }
