@@ -24,7 +24,10 @@ float frame_float(Bytes& in, uint8_t kind) {
 int mask_diff(const uint8_t* data, size_t size) {
     Bytes in{data, size};
     const uint8_t kind = in.byte();
-    const MaskLayout layout = kind & 2 ? fine_layout : kind & 4 ? paper_layout : standard_layout;
+    const MaskLayout layout = (kind & 6) == 6 ? draft_layout
+                              : kind & 2      ? fine_layout
+                              : kind & 4      ? paper_layout
+                                              : standard_layout;
     Batch batch{};
     alignas(64) float normal[3][lanes];
     for (uint32_t lane = 0; lane < lanes; ++lane) {
@@ -56,7 +59,7 @@ int mask_diff(const uint8_t* data, size_t size) {
     }
     test::Masks first, first_free;
     Batch first_batch{};
-    for (const Set set : {Set::scalar, Set::sse4, Set::avx2, Set::avx512}) {
+    for (const Set set : {Set::scalar, Set::sse4, Set::avx2, Set::avx512, Set::neon}) {
         const Kernels* kernels = kernels_for(set);
         if (!kernels) continue;
         Batch own = batch;
