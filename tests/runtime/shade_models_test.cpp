@@ -17,6 +17,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+const fs::path environments = fs::path(NUSSELT_SHARED_DIR) / "data/env";
+
 using Light = std::array<float, 75>;
 
 struct NamedLight {
@@ -39,9 +41,7 @@ std::vector<NamedLight> all_lights() {
     }
     all.push_back({"constant", constant});
     all.push_back({"one lobe", lobe});
-    const fs::path folder = fs::path(NUSSELT_SHARED_DIR) / "data/env";
-    if (!fs::exists(folder)) return all;
-    for (const auto& entry : fs::directory_iterator(folder)) {
+    for (const auto& entry : fs::directory_iterator(environments)) {
         const std::string extension = entry.path().extension().string();
         if (extension != ".hdr" && extension != ".exr") continue;
         const tools::Image image = tools::load_environment(entry.path().string());
@@ -88,8 +88,9 @@ TEST(Shade, IsTheSumOverTheMasksSamplesUnderRealSkies) {
         const kernels::MaskLayout& layout;
         double mean, most; // of the light's mean radiance
     };
+    if (!fs::exists(environments)) GTEST_SKIP() << "no shared data at " << environments;
     const std::vector<NamedLight> lights = all_lights();
-    EXPECT_TRUE(!fs::exists(fs::path(NUSSELT_SHARED_DIR) / "data/env") || lights.size() >= 8);
+    EXPECT_GE(lights.size(), 9u); // two made here, seven skies
     for (const Limit& limit : {Limit{Quality::standard, kernels::standard_layout, 0.006, 0.025},
                                Limit{Quality::fine, kernels::fine_layout, 0.0033, 0.0102}}) {
         Engine engine;
