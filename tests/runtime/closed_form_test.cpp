@@ -55,6 +55,10 @@ struct Limit {
     double rms, most, mean;
 };
 
+// Fine leans more in the mean than standard, by its samples and not by the table: 2.4 of 1024 too many lie
+// within nine tenths of the disk's area. What is overhead hides that much more (disc, +0.67), what stands all
+// around less (own fan, -0.60, open box, -0.58). Samples counted within exact circles alone give +0.57 and
+// -0.58 for the disc and the fan; standard's give -0.01 and -0.04.
 // `standard` and `fine`: limits of these qualities. `measure` gives one's errors.
 template<class Measure>
 void expect_within(const char* what, const Limit& standard, const Limit& fine, const Measure& measure) {
@@ -63,7 +67,7 @@ void expect_within(const char* what, const Limit& standard, const Limit& fine, c
         const Limit& limit = quality == Quality::fine ? fine : standard;
         std::printf("    %s, %s: %u receivers, mean %+.2f rms %.2f most %.1f of 1024\n", what,
                     quality_name(quality), e.count, e.mean(), e.rms(), e.most);
-        EXPECT_GE(e.count, cases(4000)) << what;
+        EXPECT_GE(e.count, 16 * cases(250)) << what;
         EXPECT_LE(e.rms(), limit.rms) << what << ", " << quality_name(quality);
         EXPECT_LE(e.most, limit.most) << what << ", " << quality_name(quality);
         EXPECT_LE(std::fabs(e.mean()), limit.mean) << what << ", " << quality_name(quality);
