@@ -9,7 +9,7 @@ namespace {
 constexpr QualitySettings settings[quality_count] = {
     {"paper", kernels::paper_layout, 0, 0, 0, 0, 0, true, true},
     {"draft", kernels::draft_layout, 0.14f, 0.2f, 0.04f, 1, 3, false, true},
-    {"standard", kernels::standard_layout, 0.055f, 0.1f, 0.03f, 1, 3, false, true},
+    {"standard", kernels::standard_layout, 0.06f, 0.1f, 0.03f, 1, 3, false, true},
     {"fine", kernels::fine_layout, 0.04f, 0.05f, 0.015f, 1, 3, false, true},
 };
 
